@@ -1,0 +1,1 @@
+"""The simulated farm and its flight: everything that knows the truth."""
