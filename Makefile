@@ -1,0 +1,59 @@
+# Everything runs in .venv, which `make` builds from environment.txt when it is missing or outdated.
+
+PYTHON  ?= python3
+PROFILE ?= paper
+SEED    ?=
+OUT     ?= figures
+JOBS    ?= 2
+ARGS    ?=
+
+SHELL       := bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+
+bin   := .venv/bin
+ready := .venv/.ready
+
+# Open3D starts no web server.
+export OPEN3D_DISABLE_WEB_VISUALIZER := true
+
+# Tests run in JOBS processes, so each of them keeps to one thread.
+one_thread := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
+
+.PHONY: help setup reproduce test lint bench lab clean distclean
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@echo
+	@echo "  Variables: PROFILE=quick|paper SEED=N OUT=DIR (reproduce), JOBS=N (test),"
+	@echo "             PYTHON=python3.12 (setup), ARGS=... (more arguments for the tool)"
+
+setup: $(ready) ## build .venv from environment.txt; installs missing system libraries
+
+$(ready): environment.txt pyproject.toml tools/setup.sh
+	tools/setup.sh "$(PYTHON)"
+	touch $@
+
+reproduce: $(ready) ## make every table and figure into OUT
+	$(bin)/paperrepro reproduce --profile "$(PROFILE)" --out "$(OUT)" $(if $(SEED),--seed "$(SEED)") $(ARGS)
+
+test: lint ## lint, tests, then every notebook on its quick profile
+	$(one_thread) MPLBACKEND=Agg $(bin)/python -m pytest -n $(JOBS) tests $(ARGS)
+	$(one_thread) $(bin)/python -m pytest -n $(JOBS) --nbmake --nbmake-timeout=1800 notebooks
+
+lint: $(ready) ## ruff on the packages, tests and notebooks
+	$(bin)/ruff check .
+
+bench: $(ready) ## time the hot paths, one process
+	$(bin)/python -m pytest tests/benchmarks --benchmark-only $(ARGS)
+
+lab: $(ready) ## open the notebooks in JupyterLab
+	$(bin)/jupyter lab notebooks $(ARGS)
+
+clean: ## remove caches, build leftovers and executed notebooks
+	rm -rf build dist runs .pytest_cache .ruff_cache .benchmarks -- *.egg-info
+	find . -path ./.venv -prune -o \( -name __pycache__ -o -name .ipynb_checkpoints \) -type d -prune -exec rm -rf {} +
+
+distclean: clean ## clean, and remove .venv
+	rm -rf .venv
