@@ -1,1 +1,21 @@
-"""The simulated farm and its flight: everything that knows the truth."""
+"""The simulated farm and its flight: everything that knows the truth.
+
+    from data_synth import make_config, simulate
+    survey, truth = simulate(make_config(preset="mount", profile="quick", seed=1))
+"""
+
+from data_synth.presets import PRESETS, PROFILES, SimulationConfig, make_config
+from data_synth.scene import ObjectClass, RoofFace, Scene
+from data_synth.simulation import Truth, simulate
+
+__all__ = [
+    "PRESETS",
+    "PROFILES",
+    "ObjectClass",
+    "RoofFace",
+    "Scene",
+    "SimulationConfig",
+    "Truth",
+    "make_config",
+    "simulate",
+]

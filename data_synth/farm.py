@@ -1,0 +1,221 @@
+"""The farm: ground, buildings, sheds, trees, a fence and a wire, drawn anew for every seed.
+
+Fifteen building sites lie on a 5 x 3 grid wide enough that houses of any azimuth stay apart; twelve
+hold gable houses, three hold sheds that are not gable. Small sheds and trees are then placed by
+rejection. m-frame, metres; the ground's mean height is 0.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from data_synth.buildings import (
+    GableHouse,
+    Plot,
+    add_chimney,
+    add_dormer,
+    add_flat_shed,
+    add_gable_house,
+    add_hip_shed,
+    add_mono_pitch_shed,
+    dormer_fits,
+)
+from data_synth.scene import ObjectClass, Scene, SceneBuilder
+from data_synth.vegetation import add_tree, draw_tree
+
+#: Half extents of the ground, and of the part where anything stands, m.
+GROUND_EXTENT = (200.0, 150.0)
+FARM_EXTENT = (100.0, 62.0)
+MAX_SLOPE = 0.04
+SITES_X = (-72.0, -36.0, 0.0, 36.0, 72.0)
+SITES_Y = (-38.0, 0.0, 38.0)
+N_GABLE, N_TREES, N_TREES_AT_ROOFS = 12, 40, 12
+#: Fence and wire run between the rows of sites, m.
+FENCE_Y, WIRE_Y, FENCE_HALF_LENGTH, WIRE_HALF_LENGTH = 19.0, -19.0, 60.0, 90.0
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Rolling ground: a sum of waves, ``wave`` (W, 2) rad/m, ``amplitude`` (W,) m, ``phase`` (W,)."""
+
+    wave: np.ndarray
+    amplitude: np.ndarray
+    phase: np.ndarray
+
+    def height(self, x, y) -> np.ndarray:
+        """m, of the shape of ``x`` and ``y``."""
+        argument = np.multiply.outer(x, self.wave[:, 0]) + np.multiply.outer(y, self.wave[:, 1])
+        return np.sin(argument + self.phase) @ self.amplitude
+
+
+def build_farm(rng: np.random.Generator) -> Scene:
+    """The whole scene."""
+    builder = SceneBuilder()
+    ground = draw_ground(rng)
+    add_ground(builder, ground)
+    plots = [_lane(FENCE_Y, FENCE_HALF_LENGTH), _lane(WIRE_Y, WIRE_HALF_LENGTH)]
+    sites = rng.permutation([(x, y) for x in SITES_X for y in SITES_Y])
+    houses = [_draw_house(site, ground, rng) for site in sites[:N_GABLE]]
+    for number, house in enumerate(houses):
+        _furnish(builder, house, number, rng)
+    plots += [_with_overhang(house) for house in houses]
+    plots += _add_site_sheds(builder, sites[N_GABLE:], ground, rng)
+    plots += _add_near_sheds(builder, houses, plots, ground, rng)
+    add_fence(builder, ground)
+    add_wire(builder, ground)
+    _add_trees(builder, plots, houses, ground, rng)
+    return builder.build()
+
+
+def draw_ground(rng: np.random.Generator) -> Ground:
+    """Waves of 90-280 m whose slopes together stay below `MAX_SLOPE`."""
+    count = 5
+    length, azimuth = rng.uniform(90.0, 280.0, count), rng.uniform(0.0, np.pi, count)
+    wave = (2 * np.pi / length)[:, None] * np.column_stack([np.sin(azimuth), np.cos(azimuth)])
+    slope = rng.uniform(0.4, 1.0, count)
+    slope *= MAX_SLOPE / slope.sum()
+    return Ground(wave, slope * length / (2 * np.pi), rng.uniform(0.0, 2 * np.pi, count))
+
+
+def add_ground(builder: SceneBuilder, ground: Ground, step: float = 4.0) -> None:
+    """A grid of triangles."""
+    x, y = (np.arange(-extent, extent + step, step) for extent in GROUND_EXTENT)
+    X, Y = np.meshgrid(x, y, indexing="ij")
+    vertices = np.column_stack([X.ravel(), Y.ravel(), ground.height(X, Y).ravel()])
+    index = np.arange(X.size).reshape(X.shape)
+    a, b, c, d = (i.ravel() for i in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+    triangles = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    builder.mesh(vertices, triangles, ObjectClass.GROUND)
+
+
+def _lane(y: float, half_length: float) -> Plot:
+    """The strip of ground kept free for fence or wire."""
+    return Plot(0.0, y, np.pi / 2, 2 * half_length, 0.6)
+
+
+def _draw_house(site, ground: Ground, rng: np.random.Generator) -> GableHouse:
+    x, y = site + rng.uniform(-3.5, 3.5, 2)
+    length = rng.uniform(8.0, 24.0)
+    width = min(rng.uniform(6.0, 12.0), 0.9 * length)
+    plot = Plot(x, y, rng.uniform(0.0, np.pi), length, width, float(ground.height(x, y)))
+    pitch = np.radians(rng.uniform(15.0, 35.0))
+    return GableHouse(plot, rng.uniform(3.0, 5.0), pitch, rng.uniform(0.3, 0.6))
+
+
+def _with_overhang(house: GableHouse) -> Plot:
+    p, wider = house.plot, 2 * house.overhang
+    return Plot(p.x, p.y, p.azimuth, p.length + wider, p.width + wider, p.base)
+
+
+def _furnish(builder: SceneBuilder, house: GableHouse, number: int, rng) -> None:
+    """House, mostly a chimney, sometimes a dormer."""
+    add_gable_house(builder, house, number)
+    length, width = house.plot.length, house.plot.width
+    side = rng.choice([-1.0, 1.0])
+    s, t = rng.uniform(0.2, 0.4) * length, rng.uniform(0.08, 0.3) * width
+    size = rng.uniform(0.5, 0.8)
+    if rng.uniform() < 0.75:
+        add_chimney(builder, house, s, side * t, size)
+    s = rng.uniform(-0.3, 0.0) * length
+    if dormer_fits(house) and rng.uniform() < 0.5:
+        add_dormer(builder, house, s, side)
+
+
+def _add_site_sheds(builder: SceneBuilder, sites, ground: Ground, rng) -> list[Plot]:
+    """One flat, one mono-pitch, one hip roof, as large as houses."""
+    sizes, plots = ((14.0, 10.0), (13.0, 7.0), (11.0, 9.0)), []
+    for (x, y), (length, width) in zip(sites, sizes, strict=True):
+        base = float(ground.height(x, y))
+        plots.append(Plot(x, y, rng.uniform(0.0, np.pi), length, width, base))
+    add_flat_shed(builder, plots[0], 4.0)
+    add_mono_pitch_shed(builder, plots[1], 3.0, np.radians(rng.uniform(8.0, 15.0)))
+    add_hip_shed(builder, plots[2], 3.5, np.radians(rng.uniform(20.0, 30.0)))
+    return plots
+
+
+def _add_near_sheds(builder: SceneBuilder, houses, taken: list[Plot], ground, rng) -> list[Plot]:
+    """Four small sheds 1-4 m from a gable house: mono-pitch, flat, pyramid, mono-pitch."""
+    plots = []
+    for size in ((5.0, 3.5), (6.0, 4.0), (4.5, 4.5), (4.0, 3.0)):
+        plots.append(_find_near_plot(size, houses, taken + plots, ground, rng))
+    add_mono_pitch_shed(builder, plots[0], 2.3, np.radians(rng.uniform(10.0, 20.0)))
+    add_flat_shed(builder, plots[1], 2.6)
+    add_hip_shed(builder, plots[2], 2.4, np.radians(rng.uniform(20.0, 35.0)))
+    add_mono_pitch_shed(builder, plots[3], 2.2, np.radians(rng.uniform(10.0, 20.0)))
+    return plots
+
+
+def _find_near_plot(size, houses, taken: list[Plot], ground: Ground, rng) -> Plot:
+    """Draw until the shed is clear of all that stands; houses leave ample room, so it ends."""
+    while True:
+        home = _with_overhang(houses[rng.integers(len(houses))])
+        x, y = _near_point(home, rng.uniform(1.0, 4.0) + 0.5 * max(size), rng)
+        plot = Plot(x, y, home.azimuth + rng.normal(0.0, 0.1), *size, float(ground.height(x, y)))
+        if all(plot.clear_of(other, 0.7) for other in taken):
+            return plot
+
+
+def _near_point(plot: Plot, distance: float, rng) -> tuple[float, float]:
+    """A point ``distance`` m outside a random side of ``plot``."""
+    s, t = 0.5 * plot.length, 0.5 * plot.width
+    side = rng.choice([-1.0, 1.0])
+    if rng.uniform() < 0.5:
+        st = (side * (s + distance), rng.uniform(-t, t))
+    else:
+        st = (rng.uniform(-s, s), side * (t + distance))
+    x, y, _ = plot.place([(*st, 0.0)])[0]
+    return float(x), float(y)
+
+
+def _add_trees(builder: SceneBuilder, plots: list[Plot], houses, ground: Ground, rng) -> None:
+    """`N_TREES` trees, some so close to houses that their crowns reach over the roof."""
+    stems = np.empty((0, 2))
+    while len(stems) < N_TREES:
+        if len(stems) < N_TREES_AT_ROOFS:
+            home = _with_overhang(houses[rng.integers(len(houses))])
+            xy = np.array(_near_point(home, rng.uniform(1.2, 3.0), rng))
+        else:
+            xy = rng.uniform(-1.0, 1.0, 2) * FARM_EXTENT
+        clear = all(plot.distance(xy)[0] > 1.0 for plot in plots)
+        if clear and (np.hypot(*(stems - xy).T) > 3.5).all():
+            stems = np.vstack([stems, xy])
+            add_tree(builder, draw_tree(*xy, float(ground.height(*xy)), rng), rng)
+
+
+def add_fence(builder: SceneBuilder, ground: Ground, spacing: float = 3.0) -> None:
+    """Posts and three rails."""
+    x = np.arange(-FENCE_HALF_LENGTH, FENCE_HALF_LENGTH + 0.1, spacing)
+    z = ground.height(x, np.full_like(x, FENCE_Y))
+    for k in range(len(x)):
+        _add_box(builder, (x[k], FENCE_Y), 0.12, (z[k] - 0.3, z[k] + 1.3), ObjectClass.FENCE)
+    for k in range(len(x) - 1):
+        for rise in (0.4, 0.8, 1.2):
+            ends = np.array([(x[j], FENCE_Y, z[j] + rise) for j in (k, k + 1)])
+            _add_bar(builder, ends, 0.06, ObjectClass.FENCE)
+
+
+def add_wire(builder: SceneBuilder, ground: Ground, span: float = 30.0, height: float = 8.0) -> None:
+    """Poles and a sagging conductor, 4 cm thick so that a laser meets it now and then."""
+    x = np.arange(-WIRE_HALF_LENGTH, WIRE_HALF_LENGTH + 0.1, span)
+    z = ground.height(x, np.full_like(x, WIRE_Y))
+    for k in range(len(x)):
+        _add_box(builder, (x[k], WIRE_Y), 0.25, (z[k] - 0.3, z[k] + height), ObjectClass.WIRE)
+    u = np.linspace(0.0, 1.0, 13)
+    for k in range(len(x) - 1):
+        sag = z[k] + height + (z[k + 1] - z[k]) * u - 4 * 0.7 * u * (1 - u)
+        path = np.column_stack([x[k] + span * u, np.full_like(u, WIRE_Y), sag])
+        for ends in zip(path[:-1], path[1:], strict=True):
+            _add_bar(builder, np.array(ends), 0.02, ObjectClass.WIRE)
+
+
+def _add_box(builder: SceneBuilder, xy, side: float, z, kind: ObjectClass) -> None:
+    half = 0.5 * side * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    base, top = (np.column_stack([half + xy, np.full(4, level)]) for level in z)
+    builder.prism(base, top, kind)
+
+
+def _add_bar(builder: SceneBuilder, ends: np.ndarray, radius: float, kind: ObjectClass) -> None:
+    """A three-sided bar between two points (2, 3), for bars that run east."""
+    ring = 2 * np.pi / 3 * np.arange(3)
+    section = radius * np.column_stack([np.zeros(3), np.cos(ring), np.sin(ring)])
+    builder.prism(ends[0] + section, ends[1] + section, kind)

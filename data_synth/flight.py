@@ -1,0 +1,119 @@
+"""The flight plan of Table 1 and the true motion of the mission.
+
+m-frame east-north-up, attitude roll, pitch, heading as in `paperrepro.frames`; metres, seconds,
+radians. The plan is exact over flat ground: swath 2 h tan 60 deg from 30 m. The true motion is the
+planned course plus gusts and vibration, a smooth function of time.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BPoly, PPoly
+
+from data_synth.motion import Motion, draw_disturbance
+from data_synth.sensors import HALF_SWATH
+from paperrepro.errors import BadInput
+
+HEIGHT, SPEED, LINE_LENGTH = 30.0, 4.5, 140.0
+SWATH = 2 * HEIGHT * np.tan(HALF_SWATH)
+#: Time at speed before and after each recorded line, and at either end of the mission, s.
+RUN_IN = 2.0
+#: The mission begins here, s; any GPS time would do.
+MISSION_START = 1000.0
+#: A turn lasts this long at least, s, and its mean speed is so much below the cruising speed.
+TURN_TIME, TURN_SLOWNESS = 12.0, 1.9
+
+NORTH, EAST, SOUTH, WEST = (np.radians(h) for h in (0.0, 90.0, 180.0, 270.0))
+#: Offset of each line across its direction, in swaths, east (F1-F6) or north (F7-F8) of the
+#: middle, and its heading: spacing = (1 - overlap) swaths gives Table 1.
+PLAN = {
+    "F1": (0.0, NORTH),
+    "F2": (0.0, SOUTH),
+    "F3": (0.3, NORTH),
+    "F4": (0.8, SOUTH),
+    "F5": (-0.3, NORTH),
+    "F6": (-0.8, SOUTH),
+    "F7": (0.0, EAST),
+    "F8": (0.0, WEST),
+}
+
+
+@dataclass(frozen=True)
+class FlightLine:
+    """A recorded line: ``start`` and ``end`` (2,) m east, north; ``heading`` rad; ``start_time`` and
+    ``end_time`` s of the record."""
+
+    name: str
+    start: np.ndarray
+    end: np.ndarray
+    heading: float
+    start_time: float
+    end_time: float
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """(2,) m/s."""
+        return (self.end - self.start) / (self.end_time - self.start_time)
+
+    def swath(self) -> np.ndarray:
+        """(2, 2): lower left and upper right corner of the ground it covers over flat ground, m."""
+        along = np.abs(self.end - self.start)
+        across = 0.5 * SWATH * (along == 0)
+        return np.array([np.minimum(self.start, self.end) - across, np.maximum(self.start, self.end) + across])
+
+
+def flight_plan() -> tuple[FlightLine, ...]:
+    """The eight lines, one after the other."""
+    lines, time, before = [], MISSION_START + RUN_IN, None
+    for name, (offset, heading) in PLAN.items():
+        along = np.round([np.sin(heading), np.cos(heading)])
+        middle = offset * SWATH * np.round([np.cos(heading) ** 2, np.sin(heading) ** 2])
+        start, end = middle - 0.5 * LINE_LENGTH * along, middle + 0.5 * LINE_LENGTH * along
+        if before is not None:
+            time = before.end_time + 2 * RUN_IN + _turn_time(before, start - RUN_IN * SPEED * along)
+        before = FlightLine(name, start, end, float(heading), time, time + LINE_LENGTH / SPEED)
+        lines.append(before)
+    return tuple(lines)
+
+
+def _turn_time(before: FlightLine, entry: np.ndarray) -> float:
+    gap = np.linalg.norm(entry - (before.end + RUN_IN * before.velocity))
+    return max(TURN_TIME, TURN_SLOWNESS * gap / SPEED)
+
+
+def overlap(a: FlightLine, b: FlightLine) -> float:
+    """Share of a line's nominal swath that the other's covers too, 0-1. Table 1."""
+    low = np.maximum(a.swath()[0], b.swath()[0])
+    high = np.minimum(a.swath()[1], b.swath()[1])
+    return float(np.maximum(high - low, 0.0).prod() / np.diff(a.swath(), axis=0).prod())
+
+
+def direction_words(a: FlightLine, b: FlightLine) -> str:
+    """Direction of a pair as Table 1 has it: the axis doubled if both fly the same way
+    ("North-North", also for two southward lines), both ends of the axis if opposite ways."""
+    dot = a.velocity @ b.velocity
+    if not np.isclose(abs(dot), SPEED**2):
+        raise BadInput(f"{a.name}-{b.name}: expected parallel lines, these cross; pair lines of one axis")
+    first, second = ("North", "South") if a.velocity[0] == 0 else ("West", "East")
+    return f"{first}-{first if dot > 0 else second}"
+
+
+def fly(lines: tuple[FlightLine, ...], rng: np.random.Generator) -> Motion:
+    """The true motion of the whole mission."""
+    course = _course(lines)
+    return Motion(course, draw_disturbance(rng), course.x[0], course.x[-1])
+
+
+def _course(lines: tuple[FlightLine, ...]) -> PPoly:
+    """East, north, up, heading as quintics with continuous acceleration: straight at constant
+    speed on the lines, smooth through the turns; headings turn the short way."""
+    times, nodes, heading = [], [], lines[0].heading
+    for line in lines:
+        heading += (line.heading - heading + np.pi) % (2 * np.pi) - np.pi
+        for time in (line.start_time - RUN_IN, line.end_time + RUN_IN):
+            at = line.start + (time - line.start_time) * line.velocity
+            state = np.zeros((3, 4))
+            state[0], state[1, :2] = (*at, HEIGHT, heading), line.velocity
+            times.append(time)
+            nodes.append(state)
+    return PPoly.from_bernstein_basis(BPoly.from_derivatives(times, np.array(nodes)))

@@ -1,0 +1,91 @@
+"""One flight line through the scanner: pulses, rays, noise, a strip."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from data_synth.flight import FlightLine
+from data_synth.motion import Motion
+from data_synth.raycast import BATCH, Raycaster, aim
+from data_synth.scene import ObjectClass, Scene
+from data_synth.sensors import MAX_RANGE, MIN_RANGE, Pulses, fire
+from paperrepro.survey import Mounting, Scanner, Strip
+
+#: Share of the returns that come from dust in the air before the target.
+DUST_SHARE = 1e-4
+
+
+@dataclass(frozen=True)
+class PulseNoise:
+    """Per pulse: ``range`` m and ``azimuth`` rad, added to what is recorded; ``elevation`` rad, by
+    which the beam really leaves its nominal angle; ``dust`` 0-1, the share of the way to the target
+    after which dust answers, or 1."""
+
+    range: np.ndarray
+    azimuth: np.ndarray
+    elevation: np.ndarray
+    dust: np.ndarray
+
+
+def draw_pulse_noise(count: int, scanner: Scanner, rng: np.random.Generator) -> PulseNoise:
+    """White noise by the specification, and dust."""
+    dust = np.ones(count)
+    hit = rng.uniform(size=count) < DUST_SHARE
+    dust[hit] = rng.uniform(0.1, 0.95, hit.sum())
+    return PulseNoise(
+        scanner.range_sigma * rng.standard_normal(count),
+        scanner.angle_sigma * rng.standard_normal(count),
+        scanner.angle_sigma * rng.standard_normal(count),
+        dust,
+    )
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """Scanner in its true ``mounting`` on its true ``motion`` over a ``scene``."""
+
+    caster: Raycaster
+    scene: Scene
+    motion: Motion
+    scanner: Scanner
+    mounting: Mounting
+    noisy: bool
+
+    def record(
+        self, line: FlightLine, thinning: int, rng: np.random.Generator
+    ) -> tuple[Strip, np.ndarray, np.ndarray]:
+        """The `Strip` of a line, the gable face each point lies on (N,) int32, -1 for none, and its
+        `ObjectClass` (N,) uint8. Pulses without an answer within 100 m leave no point."""
+        pulses = fire(line.start_time, line.end_time - line.start_time, thinning)
+        count = len(pulses)
+        silent = PulseNoise(np.zeros(count), np.zeros(count), np.zeros(count), np.ones(count))
+        noise = draw_pulse_noise(count, self.scanner, rng) if self.noisy else silent
+        distance, triangle = self._measure(pulses, noise.elevation)
+        distance *= noise.dust
+        with np.errstate(invalid="ignore"):
+            kept = (distance >= MIN_RANGE) & (distance <= MAX_RANGE)
+        face, kind = self._identify(triangle, noise.dust < 1)
+        rho = distance - self.mounting.offsets(self.scanner.n_rings)[pulses.ring] + noise.range
+        azimuth = pulses.azimuth + noise.azimuth
+        strip = Strip(line.name, *(c[kept] for c in (pulses.time, pulses.ring, azimuth, rho)))
+        return strip, face[kept], kind[kept]
+
+    def _measure(self, pulses: Pulses, elevation_noise) -> tuple[np.ndarray, np.ndarray]:
+        """True distance (N,) m and triangle (N,) of every pulse, in batches."""
+        distance, triangle = np.empty(len(pulses)), np.empty(len(pulses), dtype=np.int32)
+        for start in range(0, len(pulses), BATCH):
+            part = slice(start, start + BATCH)
+            pose = self.motion.at(pulses.time[part])
+            elevation = self.scanner.beam_elevations[pulses.ring[part]] + elevation_noise[part]
+            origin, direction = np.empty((len(pose), 3)), np.empty((len(pose), 3))
+            aim(
+                pose, pulses.azimuth[part], elevation, self.mounting.R_l_b, self.mounting.lever_arm,
+                origin, direction,
+            )
+            distance[part], triangle[part] = self.caster.cast(origin, direction)
+        return distance, triangle
+
+    def _identify(self, triangle: np.ndarray, dust: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        face, kind = self.scene.triangle_face[triangle], self.scene.triangle_class[triangle]
+        face[dust], kind[dust] = -1, ObjectClass.DUST
+        return face, kind
