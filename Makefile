@@ -18,6 +18,9 @@ ready := .venv/.ready
 # Open3D starts no web server.
 export OPEN3D_DISABLE_WEB_VISUALIZER := true
 
+# Notebooks keep their pictures only with the inline backend, which needs no display either.
+unexport MPLBACKEND
+
 # Tests run in JOBS processes, so each of them keeps to one thread.
 one_thread := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 

@@ -64,7 +64,7 @@ find_missing_packages() {
 
 apt_install() {
     say "installing with apt: $*"
-    "${as_root[@]}" apt-get update -qq
+    "${as_root[@]}" apt-get update -qq || say "apt-get update failed, going on with the lists at hand"
     "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
         apt-get install -y -qq --no-install-recommends "$@" >/dev/null
 }
