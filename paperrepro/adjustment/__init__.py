@@ -1,0 +1,1 @@
+"""Gauss-Helmert adjustments: SL, A, B, C and the refinement."""

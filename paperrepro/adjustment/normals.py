@@ -1,0 +1,179 @@
+"""Normal equations of the point-on-plane condition, a block per plane.
+
+The condition of one laser point is ``f(x, pi, l) = n . p(x, l) - d = 0``, Eq. (3) and (4), with
+the unknowns ``x`` (boresight and range offsets), the plane ``pi = (n, d)`` and nine observations
+``l``. It is one equation with many observations, so ``B Q B'`` is a number. Each point is
+linearised at its adjusted observations: for given ``x`` and ``pi`` the residuals ``v`` that bring
+it onto the plane at least cost are found first (Skaloud and Lichti 2006, section 3).
+
+Blocks are summed plane by plane, so the result does not depend on the number of threads.
+"""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from paperrepro.frames import boresight_matrix
+from paperrepro.georeference import boresight_derivatives, point_jacobians
+from paperrepro.survey import Mounting, Navigation, Rays, Scanner
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Layout of ``x``: omega, phi, kappa, then range offsets.
+
+    ``ring_column`` (rings,) is the column of a ring's offset in ``x``, or -1 where it is held at
+    ``mounting``'s value.
+    """
+
+    mounting: Mounting
+    ring_column: np.ndarray
+
+    @classmethod
+    def layout(cls, mounting: Mounting, n_rings: int, range_offsets: str) -> "Unknowns":
+        """``range_offsets`` is ``none``, ``common`` (one for all) or ``per_ring``."""
+        columns = {"none": np.full(n_rings, -1), "common": np.full(n_rings, 3), "per_ring": 3 + np.arange(n_rings)}
+        return cls(mounting, columns[range_offsets].astype(np.int64))
+
+    @property
+    def size(self) -> int:
+        return max(3, int(self.ring_column.max()) + 1)
+
+    @property
+    def n_rings(self) -> int:
+        return len(self.ring_column)
+
+    def start(self) -> np.ndarray:
+        """Boresight of the mounting and zero offsets, (size,)."""
+        return np.concatenate([self.mounting.boresight, np.zeros(self.size - 3)])
+
+    def offsets(self, x: np.ndarray) -> np.ndarray:
+        """Range offset of each ring, (rings,) m."""
+        free = self.ring_column >= 0
+        return np.where(free, x[self.ring_column], self.mounting.offsets(self.n_rings))
+
+    def rotation(self, x: np.ndarray) -> np.ndarray:
+        """``R_l_b`` (3, 3) under ``x``."""
+        return boresight_matrix(x[:3], self.mounting.R_nominal)
+
+    def kernel_arguments(self, x: np.ndarray) -> tuple:
+        """What the kernels below take between the rays and their own arrays."""
+        return (
+            self.rotation(x), boresight_derivatives(x[:3], self.mounting.R_nominal),
+            np.asarray(self.mounting.lever_arm, float), self.offsets(x), self.ring_column,
+        )
+
+
+def observation_variances(navigation: Navigation, scanner: Scanner) -> np.ndarray:
+    """Variances (9,) of the observations of one laser point, in their order of `OBSERVATIONS`."""
+    laser = [scanner.range_sigma, scanner.angle_sigma, scanner.angle_sigma]
+    return np.square(np.concatenate([navigation.position_sigma, navigation.attitude_sigma, laser]))
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Normal equations before any elimination, a block per plane.
+
+    ``N`` (G, u + 4, u + 4) and ``t`` (G, u + 4): the unknowns first, then n and d; ``chi2`` (G,)
+    weighted squared residuals, ``count`` (G,) conditions. ``N dx + t = 0`` at the solution step.
+    """
+
+    N: np.ndarray
+    t: np.ndarray
+    chi2: np.ndarray
+    count: np.ndarray
+
+    def __add__(self, other: "Blocks") -> "Blocks":
+        return Blocks(self.N + other.N, self.t + other.t, self.chi2 + other.chi2, self.count + other.count)
+
+
+def columns(rays: Rays) -> tuple:
+    """A `Rays` as the kernels take it."""
+    return rays.pose, rays.ring, rays.azimuth, rays.elevation, rays.rho
+
+
+def point_blocks(
+    rays: Rays, ranges: np.ndarray, origin: np.ndarray, planes: np.ndarray,
+    unknowns: Unknowns, x: np.ndarray, variances: np.ndarray,
+) -> Blocks:
+    """Blocks of Eq. (4) for points ``ranges[g, 0]:ranges[g, 1]`` on plane ``g``.
+
+    ``planes`` (G, 4) holds (n, d) with d reckoned from ``origin`` (G, 3), ``variances`` (9,).
+    """
+    n_planes, size = len(planes), unknowns.size + 4
+    N, t, chi2 = np.zeros((n_planes, size, size)), np.zeros((n_planes, size)), np.zeros(n_planes)
+    _point_blocks(*columns(rays), ranges, origin, planes, *unknowns.kernel_arguments(x), variances, N, t, chi2)
+    lower = np.tril_indices(size, -1)
+    N[:, lower[0], lower[1]] = N[:, lower[1], lower[0]]
+    return Blocks(N, t, chi2, ranges[:, 1] - ranges[:, 0])
+
+
+@numba.njit(cache=True, parallel=True)
+def _point_blocks(
+    pose, ring, azimuth, elevation, rho, ranges, origin, planes,
+    R_l_b, dR_l_b, lever, offsets, ring_column, variances, N, t, chi2,
+):
+    for g in numba.prange(len(planes)):
+        obs, v, shifted = np.empty(9), np.empty(9), np.empty(9)
+        p, J_x, J_l = np.empty(3), np.empty((3, 4)), np.empty((3, 9))
+        row, where = np.empty(8), np.empty(8, np.int64)
+        for i in range(ranges[g, 0], ranges[g, 1]):
+            obs[:6] = pose[i]
+            obs[6], obs[7], obs[8] = rho[i], azimuth[i], elevation[i]
+            w, s = _adjusted(obs, v, shifted, planes[g], origin[g], R_l_b, dR_l_b, lever, offsets[ring[i]], variances, p, J_x, J_l)
+            _design_row(planes[g], origin[g], p, J_x, ring_column[ring[i]], t.shape[1] - 4, row, where)
+            _add(row, where, w, 1.0 / s, N[g], t[g])
+            chi2[g] += w * w / s
+
+
+@numba.njit(cache=True)
+def _adjusted(obs, v, shifted, plane, origin, R_l_b, dR_l_b, lever, offset, variances, p, J_x, J_l):
+    """Misclosure ``w = f(l + v) - B v`` and ``s = B Q B'`` at the adjusted observations.
+
+    Leaves the point and its derivatives there in ``p``, ``J_x``, ``J_l`` and the residuals in ``v``.
+    """
+    v[:] = 0.0
+    w, s = 0.0, 1.0
+    for inner in range(20):
+        for m in range(9):
+            shifted[m] = obs[m] + v[m]
+        point_jacobians(shifted, R_l_b, dR_l_b, lever, offset, p, J_x, J_l)
+        before = w
+        w, s = -plane[3], 0.0
+        for j in range(3):
+            w += plane[j] * (p[j] - origin[j])
+        for m in range(9):
+            b = plane[0] * J_l[0, m] + plane[1] * J_l[1, m] + plane[2] * J_l[2, m]
+            w -= b * v[m]
+            s += b * b * variances[m]
+        if inner > 0 and abs(w - before) < 1e-12:
+            break
+        for m in range(9):
+            b = plane[0] * J_l[0, m] + plane[1] * J_l[1, m] + plane[2] * J_l[2, m]
+            v[m] = -variances[m] * b * w / s
+    return w, s
+
+
+@numba.njit(cache=True)
+def _design_row(plane, origin, p, J_x, column, n_x, row, where):
+    """Non-zero entries of a row of A: three angles, the ring's offset, n and d."""
+    for k in range(4):
+        row[k] = plane[0] * J_x[0, k] + plane[1] * J_x[1, k] + plane[2] * J_x[2, k]
+    where[0], where[1], where[2] = 0, 1, 2
+    where[3] = column
+    if column < 0:  # held: a zero entry, anywhere
+        row[3], where[3] = 0.0, 2
+    for j in range(3):
+        row[4 + j] = p[j] - origin[j]
+        where[4 + j] = n_x + j
+    row[7], where[7] = -1.0, n_x + 3
+
+
+@numba.njit(cache=True)
+def _add(row, where, w, weight, N, t):
+    for a in range(8):
+        scaled = weight * row[a]
+        t[where[a]] += scaled * w
+        for b in range(a, 8):
+            N[where[a], where[b]] += scaled * row[b]

@@ -1,0 +1,95 @@
+"""What a calibration reports."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from paperrepro.survey import Mounting
+
+AXIS_WORDS = ("roll", "pitch", "yaw")
+
+
+@dataclass(frozen=True)
+class Observability:
+    """What the conditions alone determine of the boresight, and of the range offsets.
+
+    ``rank`` of 3, ``condition`` (largest over least information of a boresight direction),
+    ``weakest`` unit vector (3,) about body forward, right, down, ``weakest_sigma`` rad a priori,
+    ``offsets_determined``: range-offset directions in which the data outweigh the pseudo-observation.
+    """
+
+    rank: int
+    condition: float
+    weakest: np.ndarray
+    weakest_sigma: float
+    offsets_determined: int
+
+    def __str__(self) -> str:
+        main = int(np.argmax(np.abs(self.weakest)))
+        parts = ", ".join(
+            f"{axis} {part:+.2f}" for axis, part in zip(AXIS_WORDS, self.weakest, strict=True)
+        )
+        return (
+            f"rank {self.rank} of 3, condition {self.condition:.1f}; weakest direction: "
+            f"mostly {AXIS_WORDS[main]} ({parts})"
+        )
+
+
+@dataclass(frozen=True)
+class CalibrationResult:
+    """Boresight (3,) rad and range offsets (rings,) m or None, with what is needed to judge them.
+
+    ``covariance`` (u, u) a posteriori, of the boresight (rad) and then the offsets (m);
+    ``planes`` (G, 4) as (n, d) in the m-frame with ``covariance_planes`` (G, 4, 4); ``sigma0`` and
+    ``dof``; RMS of each plane's points about their common plane before and after, (G,) m.
+    """
+
+    scenario: str
+    mounting: Mounting
+    boresight: np.ndarray
+    range_offsets: np.ndarray | None
+    covariance: np.ndarray
+    planes: np.ndarray
+    covariance_planes: np.ndarray
+    sigma0: float
+    dof: int
+    iterations: int
+    converged: bool
+    n_points: int
+    n_conditions: int
+    rms_before: np.ndarray
+    rms_after: np.ndarray
+    points_per_plane: np.ndarray
+    observability: Observability
+
+    @property
+    def n_planes(self) -> int:
+        return len(self.planes)
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Standard deviations (3,) rad of the boresight."""
+        return np.sqrt(np.diag(self.covariance)[:3])
+
+    @property
+    def sigma_offsets(self) -> np.ndarray | None:
+        """Standard deviations of the estimated range offsets, m."""
+        return None if self.range_offsets is None else np.sqrt(np.diag(self.covariance)[3:])
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """(u, u)."""
+        sigma = np.sqrt(np.diag(self.covariance))
+        return self.covariance / np.outer(sigma, sigma)
+
+    @property
+    def rmse_before(self) -> float:
+        return _pooled(self.rms_before, self.points_per_plane)
+
+    @property
+    def rmse_after(self) -> float:
+        return _pooled(self.rms_after, self.points_per_plane)
+
+
+def _pooled(rms: np.ndarray, count: np.ndarray) -> float:
+    return float(np.sqrt(np.average(np.square(rms), weights=count)))

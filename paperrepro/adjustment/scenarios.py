@@ -1,0 +1,208 @@
+"""SL, A, B, C: four estimators of the same boresight from the same matched faces.
+
+=====  ==========================  ======================  =========================
+name   unknowns                    planes                  conditions
+=====  ==========================  ======================  =========================
+SL     boresight, planes           free, unit normals      points, Eq. (4)
+A      boresight                   of the reference strip  centroids, Eq. (5)
+B      boresight, range offsets    of the reference strip  points and centroids
+C      boresight, offsets, planes  free, unit normals      points and centroids
+=====  ==========================  ======================  =========================
+
+SL is Skaloud and Lichti 2006, the paper's [11]. Range offsets have no datum, a common one is nearly
+a height shift: each is observed as zero with the scanner's stated accuracy.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from paperrepro.adjustment import centroids as eq5
+from paperrepro.adjustment.faces import FaceStates, face_states
+from paperrepro.adjustment.gauss_helmert import Pseudo, Solution, solve_free, solve_reference
+from paperrepro.adjustment.matched import MatchedFaces, require_spread
+from paperrepro.adjustment.normals import Blocks, Unknowns, observation_variances, point_blocks
+from paperrepro.adjustment.result import CalibrationResult, Observability
+from paperrepro.errors import BadInput, TooFewPlanes
+from paperrepro.survey import Survey
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """An estimator by what it estimates and on what conditions.
+
+    ``range_offsets`` is ``none``, ``common`` or ``per_ring``; ``free_planes``: unknowns, else taken
+    from the reference strip of each pair; ``points``: Eq. (4); ``centroids``: Eq. (5).
+    """
+
+    name: str
+    range_offsets: str
+    free_planes: bool
+    points: bool
+    centroids: bool
+
+
+SCENARIOS = {
+    s.name: s
+    for s in (
+        Scenario("SL", "none", free_planes=True, points=True, centroids=False),
+        Scenario("A", "none", free_planes=False, points=False, centroids=True),
+        Scenario("B", "per_ring", free_planes=False, points=True, centroids=True),
+        Scenario("C", "per_ring", free_planes=True, points=True, centroids=True),
+    )
+}
+
+
+def calibrate(survey: Survey, matched: MatchedFaces, scenario: str | Scenario) -> CalibrationResult:
+    """Estimate the boresight from ``survey.mounting``'s as start.
+
+    Raises `BadInput` for an unknown scenario, `TooFewPlanes`, `RankDefect`, `NoConvergence`.
+    """
+    model = _Model.prepare(survey, matched, _by_name(scenario))
+    x = model.unknowns.start()
+    solution = model.solve(x)
+    return _result(model, x, solution)
+
+
+def _by_name(scenario: str | Scenario) -> Scenario:
+    if isinstance(scenario, Scenario):
+        return scenario
+    if scenario not in SCENARIOS:
+        raise BadInput(f"scenario {scenario!r}: expected one of {', '.join(SCENARIOS)}")
+    return SCENARIOS[scenario]
+
+
+@dataclass(frozen=True)
+class _Model:
+    """A scenario's conditions on given faces.
+
+    Condition group ``g`` is a plane (free) or a pair (reference): its points are in rows
+    ``ranges[g]``, its centroid conditions are those with ``centroid_group == g``.
+    """
+
+    matched: MatchedFaces
+    scenario: Scenario
+    unknowns: Unknowns
+    variances: np.ndarray
+    origin: np.ndarray
+    ranges: np.ndarray
+    centroid_face: np.ndarray
+    centroid_group: np.ndarray
+    pseudo: Pseudo
+    poses: np.ndarray = field(repr=False)
+
+    @classmethod
+    def prepare(cls, survey: Survey, matched: MatchedFaces, scenario: Scenario) -> "_Model":
+        unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, scenario.range_offsets)
+        x = unknowns.start()
+        planes = face_states(matched.rays, matched.plane_ranges, unknowns, x)
+        require_spread(planes.plane[:, :3])
+        faces = np.arange(len(matched.ranges))
+        if scenario.free_planes:
+            layout = planes.centroid, matched.plane_ranges, faces, matched.plane
+        else:
+            if not len(matched.pairs):
+                raise TooFewPlanes(f"scenario {scenario.name}: expected pairs of faces, got none; match strips first")
+            search = matched.pairs[:, 1]
+            origin = planes.centroid[matched.plane[search]]
+            layout = origin, matched.ranges[search], search, np.arange(len(search))
+        weight = np.r_[np.zeros(3), np.full(unknowns.size - 3, survey.scanner.range_offset_sigma**-2.0)]
+        variances = observation_variances(survey.navigation, survey.scanner)
+        pseudo = Pseudo(np.zeros(unknowns.size), weight)
+        return cls(matched, scenario, unknowns, variances, *layout, pseudo, matched.mean_poses())
+
+    def solve(self, x: np.ndarray) -> Solution:
+        if not self.scenario.free_planes:
+            return solve_reference(self.blocks, self.reference_planes, x, self.pseudo)
+        planes = self.faces(x, self.ranges).plane
+        planes[:, 3] -= np.einsum("ga,ga->g", planes[:, :3], self.origin)
+        return solve_free(self.blocks, x, planes, self.pseudo)
+
+    def faces(self, x: np.ndarray, ranges: np.ndarray) -> FaceStates:
+        return face_states(self.matched.rays, ranges, self.unknowns, x)
+
+    def reference_planes(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Planes (P, 4) of the pairs' reference faces, d from each pair's origin, and (P, 4, u)."""
+        states = self.faces(x, self.matched.ranges[self.matched.pairs[:, 0]])
+        planes, J = states.plane.copy(), states.J_plane.copy()
+        planes[:, 3] -= np.einsum("ga,ga->g", planes[:, :3], self.origin)
+        J[:, 3] -= np.einsum("gak,ga->gk", J[:, :3], self.origin)
+        return planes, J
+
+    def blocks(self, x: np.ndarray, planes: np.ndarray) -> Blocks:
+        """All conditions at ``x`` and ``planes``."""
+        parts = []
+        if self.scenario.points:
+            parts.append(
+                point_blocks(self.matched.rays, self.ranges, self.origin, planes, self.unknowns, x, self.variances)
+            )
+        if self.scenario.centroids:
+            parts.append(self._centroid_blocks(x, planes))
+        return parts[0] if len(parts) == 1 else parts[0] + parts[1]
+
+    def _centroid_blocks(self, x: np.ndarray, planes: np.ndarray) -> Blocks:
+        states = self.faces(x, self.matched.ranges)
+        face, group = self.centroid_face, self.centroid_group
+        J_l = eq5.virtual_jacobians(states.centroid, self.poses, self.unknowns, x)
+        n = planes[group, :3]
+        s = eq5.centroid_variances(n, J_l[face], states.count[face], self.variances)
+        if not self.scenario.free_planes:
+            reference = self.matched.pairs[:, 0]
+            s = s + eq5.centroid_variances(n, J_l[reference], states.count[reference], self.variances)
+        return eq5.centroid_blocks(face, group, states, self.origin, planes, s)
+
+
+def _result(model: _Model, start: np.ndarray, solution: Solution) -> CalibrationResult:
+    matched, x = model.matched, solution.x
+    sigma0 = float(np.sqrt(solution.chi2 / solution.dof)) if solution.dof > 0 else float("nan")
+    after = model.faces(x, matched.plane_ranges)
+    planes, Q_planes = _planes_in_map(model, solution, after)
+    conditions = len(model.centroid_face) * model.scenario.centroids
+    n_points = int(np.diff(model.ranges, axis=1).sum()) * model.scenario.points
+    return CalibrationResult(
+        scenario=model.scenario.name,
+        mounting=model.unknowns.mounting,
+        boresight=x[:3],
+        range_offsets=None if model.scenario.range_offsets == "none" else model.unknowns.offsets(x),
+        covariance=sigma0**2 * solution.Q,
+        planes=planes,
+        covariance_planes=sigma0**2 * Q_planes,
+        sigma0=sigma0,
+        dof=solution.dof,
+        iterations=solution.iterations,
+        converged=True,
+        n_points=len(matched.rays),
+        n_conditions=n_points + conditions,
+        rms_before=model.faces(start, matched.plane_ranges).rms,
+        rms_after=after.rms,
+        points_per_plane=after.count,
+        observability=_observability(solution, model.pseudo),
+    )
+
+
+def _planes_in_map(model: _Model, solution: Solution, after: FaceStates) -> tuple[np.ndarray, np.ndarray]:
+    """Planes (G, 4) with d from the m-frame's origin, and cofactors (G, 4, 4).
+
+    Where the scenario takes planes from reference strips, the common plane of all matched faces.
+    """
+    if not model.scenario.free_planes:
+        return after.plane, after.J_plane @ solution.Q @ after.J_plane.transpose(0, 2, 1)
+    to_map = np.tile(np.eye(4), (len(solution.planes), 1, 1))
+    to_map[:, 3, :3] = model.origin
+    planes = np.einsum("gab,gb->ga", to_map, solution.planes)
+    return planes, to_map @ solution.Q_planes @ to_map.transpose(0, 2, 1)
+
+
+def _observability(solution: Solution, pseudo: Pseudo) -> Observability:
+    S, weight = solution.S_data, pseudo.weight
+    angles, offsets = S[:3, :3], S[3:, 3:]
+    coupling = S[:3, 3:]
+    information = angles - coupling @ np.linalg.solve(offsets + np.diag(weight[3:]), coupling.T)
+    values, vectors = np.linalg.eigh((information + information.T) / 2)
+    data_only = np.linalg.eigvalsh(offsets - coupling.T @ np.linalg.solve(angles, coupling))
+    determined = int((data_only > weight[3:].max(initial=0.0)).sum()) if len(weight) > 3 else 0
+    rank = int((values > 1e-12 * values[-1]).sum())
+    weakest = vectors[:, 0] * np.sign(vectors[np.argmax(np.abs(vectors[:, 0])), 0])
+    return Observability(
+        rank, float(values[-1] / values[0]), weakest, float(1 / np.sqrt(max(values[0], 1e-300))), determined
+    )

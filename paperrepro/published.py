@@ -1,0 +1,61 @@
+"""Every value of the paper once: with unit, place and kind.
+
+``kind`` says how a value may be compared: ``input`` (met exactly), ``pattern`` (the truth behind it
+differs from ours; only its pattern is comparable), ``ordering`` and ``inequality``.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Published:
+    """A published number with its standard deviation where one is printed."""
+
+    value: float
+    unit: str
+    place: str
+    kind: str
+    sigma: float | None = None
+
+
+#: Boresight angles and their formal standard deviations.
+TABLE4 = {
+    ("A", "omega"): Published(0.0187, "deg", "Table 4", "pattern", 0.0049),
+    ("A", "phi"): Published(-0.0155, "deg", "Table 4", "pattern", 0.0037),
+    ("A", "kappa"): Published(0.0008, "deg", "Table 4", "pattern", 0.0165),
+    ("B", "omega"): Published(0.0285, "deg", "Table 4", "pattern", 0.0082),
+    ("B", "phi"): Published(0.0108, "deg", "Table 4", "pattern", 0.0099),
+    ("B", "kappa"): Published(0.0135, "deg", "Table 4", "pattern", 0.0038),
+    ("C", "omega"): Published(-0.0012, "deg", "Table 4", "pattern", 0.0061),
+    ("C", "phi"): Published(0.0507, "deg", "Table 4", "pattern", 0.0205),
+    ("C", "kappa"): Published(0.0446, "deg", "Table 4", "pattern", 0.0177),
+}
+
+#: Overlap of strip pairs in percent, and the directions flown.
+TABLE1 = {
+    ("F1", "F2"): (100, "North-South"),
+    ("F2", "F3"): (70, "North-South"),
+    ("F3", "F4"): (50, "North-South"),
+    ("F2", "F4"): (20, "North-North"),
+    ("F1", "F5"): (70, "North-North"),
+    ("F5", "F6"): (50, "North-South"),
+    ("F1", "F6"): (20, "North-South"),
+    ("F7", "F8"): (100, "West-East"),
+}
+
+#: Share of the point-to-plane error before calibration that a method leaves, Table 5.
+TABLE5 = {
+    "SL": Published(0.80, "1", "Table 5", "ordering"),
+    "proposed": Published(0.20, "1", "Table 5", "ordering"),
+}
+
+#: Least reduction of the RMSE by B and C, and the share that [11] leaves at most, section 3.2.3.
+RMSE_REDUCTION = {
+    "B": Published(0.90, "1", "Fig. 7", "inequality"),
+    "C": Published(0.90, "1", "Fig. 7", "inequality"),
+}
+RMSE_LEFT_BY_SL = Published(0.12, "1", "Fig. 8", "inequality")
+
+#: Bounds on the absolute vertical offset at the virtual points.
+OFFSET_AFTER_CALIBRATION = Published(0.40, "m", "Fig. 11", "inequality")
+OFFSET_AFTER_REFINEMENT = Published(0.30, "m", "Fig. 11", "inequality")
