@@ -1,0 +1,190 @@
+"""Which faces of different strips are the same roof: matching by virtual points (section 2.2.4).
+
+Two gables correspond when their virtual points are near and the normals of both their faces agree,
+each being the other's best. A strip may see only part of a roof, and then centroids and virtual
+point slide along the ridge by metres while the roof stays where it is. So the distance between two
+gables is taken *across* the ridge as it is, and *along* it only as far as the shorter gable must be
+shifted to lie within the extent of the longer. Neighbours in line do not gain by that: their
+extents do not overlap. Where two candidates are nearly as good, neither is taken.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from paperrepro.errors import TooFewPlanes
+from paperrepro.segmentation.roofs import Gable, Roofs
+
+#: A face as it was seen: name of the strip, number in its `Roofs.faces`.
+FaceKey = tuple[str, int]
+
+
+@dataclass(frozen=True)
+class MatchParameters:
+    """Greatest distance between two gables and inclination between their normals; ``overlap`` of
+    their extents along the ridge, relative to the shorter; ``distinct``: how many times worse than
+    the best the second candidate must be."""
+
+    distance_m: float
+    inclination_deg: float
+    overlap: float = 0.5
+    distinct: float = 1.5
+
+    @classmethod
+    def fine(cls) -> "MatchParameters":
+        """For a boresight right to 0.2 degrees: a degree moves a point at 60 m by 1 m."""
+        return cls(distance_m=1.0, inclination_deg=3.0)
+
+    @classmethod
+    def coarse(cls) -> "MatchParameters":
+        """For a boresight wrong by up to 3 degrees on each axis: opposite strips turn normals by
+        twice that, and shift roofs by 3 m below the scanner, more towards the swath's edge."""
+        return cls(distance_m=6.0, inclination_deg=10.0)
+
+
+@dataclass(frozen=True)
+class FacePair:
+    """One face in two strips; ``distance`` m between the gables, ``inclination`` rad of the normals."""
+
+    reference: FaceKey
+    search: FaceKey
+    distance: float
+    inclination: float
+
+
+@dataclass(frozen=True)
+class Matches:
+    """All ``pairs`` of all strips, free of contradictions: see `tie_planes`."""
+
+    pairs: tuple[FacePair, ...]
+
+    def tie_planes(self) -> tuple[tuple[FaceKey, ...], ...]:
+        """The physical faces: for each its views, at most one per strip, sorted."""
+        return tie_planes(self.pairs)
+
+
+def match(roofs_by_strip: dict[str, Roofs], params: MatchParameters) -> Matches:
+    """Match the gables of all pairs of strips.
+
+    Raises `TooFewPlanes` where nothing corresponds.
+    """
+    pairs = [
+        pair
+        for reference, search in combinations(roofs_by_strip, 2)
+        for pair in _match_strips(roofs_by_strip, reference, search, params)
+    ]
+    view = {key: number for number, tie in enumerate(tie_planes(pairs)) for key in tie}
+    consistent = tuple(p for p in pairs if view[p.reference] == view[p.search])
+    if not consistent:
+        found = ", ".join(f"{name} {len(roofs.gables)}" for name, roofs in roofs_by_strip.items())
+        raise TooFewPlanes(
+            f"expected gable roofs that two strips share, matched none within {params.distance_m} m "
+            f"and {params.inclination_deg} deg; gables per strip: {found or 'no strips'}; fly over "
+            "more gable roofs with more overlap, or start from a boresight closer to the truth"
+        )
+    return Matches(consistent)
+
+
+def tie_planes(pairs: Iterable[FacePair]) -> tuple[tuple[FaceKey, ...], ...]:
+    """Connected components of ``pairs``: one physical face each, every strip at most once in it.
+
+    Pairs are joined from the nearest on; one that would bring a second face of a strip into a
+    component contradicts better ones and is left out. Views that end up alone are still returned.
+    """
+    component: dict[FaceKey, set[FaceKey]] = {}
+    for pair in sorted(pairs, key=lambda pair: pair.distance):
+        one, other = (component.setdefault(key, {key}) for key in (pair.reference, pair.search))
+        if one is other or {strip for strip, _ in one} & {strip for strip, _ in other}:
+            continue
+        one |= other
+        component.update(dict.fromkeys(other, one))
+    distinct = {id(keys): keys for keys in component.values()}.values()
+    return tuple(sorted(tuple(sorted(keys)) for keys in distinct))
+
+
+def _match_strips(roofs_by_strip, reference: str, search: str, params) -> list[FacePair]:
+    """The mutual best correspondences of two strips, two pairs of faces each."""
+    ours, theirs = roofs_by_strip[reference], roofs_by_strip[search]
+    shape = (len(ours.gables), len(theirs.gables))
+    candidates = {}
+    score = np.full(shape, np.inf)
+    for i, j in np.ndindex(shape):
+        candidate = _compare(ours, ours.gables[i], theirs, theirs.gables[j], params)
+        if candidate is not None:
+            candidates[i, j] = candidate
+            score[i, j] = candidate.score(params)
+    return [
+        FacePair((reference, a), (search, b), candidates[i, j].distance, inclination)
+        for i, j in _mutual_best(score, params.distinct)
+        for a, b, inclination in candidates[i, j].faces
+    ]
+
+
+def _mutual_best(score: np.ndarray, distinct: float) -> list[tuple[int, int]]:
+    """Entries that are the least of their row and column, clearly less than the next in both."""
+    return [
+        (i, j)
+        for i, j in np.argwhere(np.isfinite(score)).tolist()
+        if score[i, j] * distinct <= min(
+            np.delete(score[i], j).min(initial=np.inf), np.delete(score[:, j], i).min(initial=np.inf)
+        )
+    ]
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """Two gables that may be one: ``distance`` m, ``faces`` ((a, b, inclination rad), twice)."""
+
+    distance: float
+    faces: tuple[tuple[int, int, float], ...]
+
+    def score(self, params: MatchParameters) -> float:
+        """0 for the same place and normals, up to sqrt(2)."""
+        worst = max(inclination for _, _, inclination in self.faces)
+        return float(np.hypot(
+            self.distance / params.distance_m, worst / np.radians(params.inclination_deg)
+        ))
+
+
+def _compare(ours: Roofs, g: Gable, theirs: Roofs, h: Gable, params) -> _Candidate | None:
+    """The candidate that gables g and h make, or None where a threshold is passed."""
+    distance = _distance(g, h, params.overlap)
+    if distance > params.distance_m:
+        return None
+    faces = min(
+        (_paired(ours, theirs, (g.left, a), (g.right, b)) for a, b in
+         ((h.left, h.right), (h.right, h.left))),
+        key=lambda pairs: max(inclination for _, _, inclination in pairs),
+    )
+    if max(inclination for _, _, inclination in faces) > np.radians(params.inclination_deg):
+        return None
+    return _Candidate(distance, faces)
+
+
+def _paired(ours: Roofs, theirs: Roofs, *numbers: tuple[int, int]):
+    """((a, b, inclination rad), ...) of face numbers (a, b)."""
+    return tuple(
+        (a, b, _inclination(ours.faces[a].normal, theirs.faces[b].normal)) for a, b in numbers
+    )
+
+
+def _inclination(one: np.ndarray, other: np.ndarray) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
+
+
+def _distance(g: Gable, h: Gable, least_overlap: float) -> float:
+    """Distance, m, of two gables as the module says; infinite where their extents do not overlap."""
+    sign = 1.0 if g.ridge @ h.ridge >= 0 else -1.0
+    ridge = g.ridge + sign * h.ridge
+    ridge = ridge / np.linalg.norm(ridge)
+    step = h.virtual_point - g.virtual_point
+    along = step @ ridge
+    ours, theirs = g.extent, np.sort(sign * h.extent) + along
+    overlap = min(ours[1], theirs[1]) - max(ours[0], theirs[0])
+    short, long = sorted((ours, theirs), key=np.ptp)
+    if overlap < least_overlap * np.ptp(short):
+        return np.inf
+    shift = max(long[0] - short[0], short[1] - long[1], 0.0)
+    return float(np.hypot(np.linalg.norm(step - along * ridge), shift))

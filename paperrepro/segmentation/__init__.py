@@ -1,0 +1,1 @@
+"""From the points of a strip to its gable roofs: `roofs.candidates`, `roofs.extract`."""
