@@ -1,7 +1,6 @@
 """The simulated farm and its flight: everything that knows the truth.
 
-    from data_synth import make_config, simulate
-    survey, truth = simulate(make_config(preset="mount", profile="quick", seed=1))
+``survey, truth = simulate(make_config(preset="mount", profile="quick", seed=1))``
 """
 
 from data_synth.presets import PRESETS, PROFILES, SimulationConfig, make_config

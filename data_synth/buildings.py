@@ -84,14 +84,14 @@ def add_gable_house(builder: SceneBuilder, house: GableHouse, number: int) -> No
     s, t = 0.5 * house.plot.length, 0.5 * house.plot.width
     so, to = s + house.overhang, t + house.overhang
     low = house.roof_height(to)
+    outline = [(-t, -FOUNDATION), (t, -FOUNDATION), (t, house.eaves)]
+    outline += [(0, house.ridge), (-t, house.eaves)]
     for side in (1.0, -1.0):
-        face = [(-so, 0, house.ridge), (so, 0, house.ridge), (so, side * to, low), (-so, side * to, low)]
+        face = _sheet((-so, so), (0, house.ridge), (side * to, low))
         builder.gable_face(number, house.plot.place(face))
-        wall = [(-s, side * t, -FOUNDATION), (s, side * t, -FOUNDATION), (s, side * t, house.eaves),
-                (-s, side * t, house.eaves)]
+        wall = _sheet((-s, s), (side * t, -FOUNDATION), (side * t, house.eaves))
         builder.polygon(house.plot.place(wall), ObjectClass.WALL)
-        gable = [(side * s, -t, -FOUNDATION), (side * s, t, -FOUNDATION), (side * s, t, house.eaves),
-                 (side * s, 0, house.ridge), (side * s, -t, house.eaves)]
+        gable = [(side * s, across, z) for across, z in outline]
         builder.polygon(house.plot.place(gable), ObjectClass.WALL)
 
 
@@ -114,11 +114,10 @@ def add_dormer(builder: SceneBuilder, house: GableHouse, s: float, side: float) 
     front, sill = _dormer_front(house)
     eaves, ridge, half = sill + 1.1, sill + 1.6, 1.0
     for flank in (half, -half):
-        roof = [(s, 0, ridge), (s, side * front, ridge), (s + flank, side * front, eaves), (s + flank, 0, eaves)]
-        cheek = [(s + flank, 0, sill), (s + flank, side * front, sill), (s + flank, side * front, eaves),
-                 (s + flank, 0, eaves)]
-        builder.polygon(house.plot.place(roof), ObjectClass.DORMER)
-        builder.polygon(house.plot.place(cheek), ObjectClass.DORMER)
+        outer = s + flank
+        for (s1, z1), (s2, z2) in (((s, ridge), (outer, eaves)), ((outer, sill), (outer, eaves))):
+            sheet = [(s1, 0, z1), (s1, side * front, z1), (s2, side * front, z2), (s2, 0, z2)]
+            builder.polygon(house.plot.place(sheet), ObjectClass.DORMER)
     face = [(s - half, sill), (s + half, sill), (s + half, eaves), (s, ridge), (s - half, eaves)]
     builder.polygon(house.plot.place([(a, side * front, z) for a, z in face]), ObjectClass.DORMER)
 
@@ -150,6 +149,11 @@ def add_hip_shed(builder: SceneBuilder, plot: Plot, height: float, pitch: float)
     for corners in ((a, b, right, left), (c, d, left, right), (b, c, right), (d, a, left)):
         distinct = list(dict.fromkeys(corners))
         builder.polygon(plot.place(distinct), ObjectClass.SHED_ROOF)
+
+
+def _sheet(s, upper, lower) -> list[tuple]:
+    """Corners of a rectangle between ``s`` (2,) and two edges (t, z) that run along s."""
+    return [(s[0], *upper), (s[1], *upper), (s[1], *lower), (s[0], *lower)]
 
 
 def _rectangle(s: float, t: float, length: float, width: float, z) -> list[tuple]:

@@ -6,6 +6,7 @@ rejection. m-frame, metres; the ground's mean height is 0.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -36,7 +37,7 @@ FENCE_Y, WIRE_Y, FENCE_HALF_LENGTH, WIRE_HALF_LENGTH = 19.0, -19.0, 60.0, 90.0
 
 @dataclass(frozen=True)
 class Ground:
-    """Rolling ground: a sum of waves, ``wave`` (W, 2) rad/m, ``amplitude`` (W,) m, ``phase`` (W,)."""
+    """Rolling ground: waves of ``wave`` (W, 2) rad/m, ``amplitude`` (W,) m, ``phase`` (W,) rad."""
 
     wave: np.ndarray
     amplitude: np.ndarray
@@ -83,7 +84,8 @@ def add_ground(builder: SceneBuilder, ground: Ground, step: float = 4.0) -> None
     X, Y = np.meshgrid(x, y, indexing="ij")
     vertices = np.column_stack([X.ravel(), Y.ravel(), ground.height(X, Y).ravel()])
     index = np.arange(X.size).reshape(X.shape)
-    a, b, c, d = (i.ravel() for i in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+    a, b = index[:-1, :-1].ravel(), index[1:, :-1].ravel()
+    c, d = index[1:, 1:].ravel(), index[:-1, 1:].ravel()
     triangles = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
     builder.mesh(vertices, triangles, ObjectClass.GROUND)
 
@@ -182,9 +184,9 @@ def _add_trees(builder: SceneBuilder, plots: list[Plot], houses, ground: Ground,
             add_tree(builder, draw_tree(*xy, float(ground.height(*xy)), rng), rng)
 
 
-def add_fence(builder: SceneBuilder, ground: Ground, spacing: float = 3.0) -> None:
-    """Posts and three rails."""
-    x = np.arange(-FENCE_HALF_LENGTH, FENCE_HALF_LENGTH + 0.1, spacing)
+def add_fence(builder: SceneBuilder, ground: Ground) -> None:
+    """Posts every 3 m and three rails."""
+    x = np.arange(-FENCE_HALF_LENGTH, FENCE_HALF_LENGTH + 0.1, 3.0)
     z = ground.height(x, np.full_like(x, FENCE_Y))
     for k in range(len(x)):
         _add_box(builder, (x[k], FENCE_Y), 0.12, (z[k] - 0.3, z[k] + 1.3), ObjectClass.FENCE)
@@ -194,8 +196,9 @@ def add_fence(builder: SceneBuilder, ground: Ground, spacing: float = 3.0) -> No
             _add_bar(builder, ends, 0.06, ObjectClass.FENCE)
 
 
-def add_wire(builder: SceneBuilder, ground: Ground, span: float = 30.0, height: float = 8.0) -> None:
+def add_wire(builder: SceneBuilder, ground: Ground) -> None:
     """Poles and a sagging conductor, 4 cm thick so that a laser meets it now and then."""
+    span, height = 30.0, 8.0
     x = np.arange(-WIRE_HALF_LENGTH, WIRE_HALF_LENGTH + 0.1, span)
     z = ground.height(x, np.full_like(x, WIRE_Y))
     for k in range(len(x)):
@@ -204,7 +207,7 @@ def add_wire(builder: SceneBuilder, ground: Ground, span: float = 30.0, height: 
     for k in range(len(x) - 1):
         sag = z[k] + height + (z[k + 1] - z[k]) * u - 4 * 0.7 * u * (1 - u)
         path = np.column_stack([x[k] + span * u, np.full_like(u, WIRE_Y), sag])
-        for ends in zip(path[:-1], path[1:], strict=True):
+        for ends in pairwise(path):
             _add_bar(builder, np.array(ends), 0.02, ObjectClass.WIRE)
 
 

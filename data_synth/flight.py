@@ -40,8 +40,8 @@ PLAN = {
 
 @dataclass(frozen=True)
 class FlightLine:
-    """A recorded line: ``start`` and ``end`` (2,) m east, north; ``heading`` rad; ``start_time`` and
-    ``end_time`` s of the record."""
+    """A recorded line: ``start`` and ``end`` (2,) m east, north; ``heading`` rad; the record's
+    ``start_time`` and ``end_time`` s."""
 
     name: str
     start: np.ndarray
@@ -59,7 +59,8 @@ class FlightLine:
         """(2, 2): lower left and upper right corner of the ground it covers over flat ground, m."""
         along = np.abs(self.end - self.start)
         across = 0.5 * SWATH * (along == 0)
-        return np.array([np.minimum(self.start, self.end) - across, np.maximum(self.start, self.end) + across])
+        low, high = np.minimum(self.start, self.end), np.maximum(self.start, self.end)
+        return np.array([low - across, high + across])
 
 
 def flight_plan() -> tuple[FlightLine, ...]:
@@ -93,7 +94,7 @@ def direction_words(a: FlightLine, b: FlightLine) -> str:
     ("North-North", also for two southward lines), both ends of the axis if opposite ways."""
     dot = a.velocity @ b.velocity
     if not np.isclose(abs(dot), SPEED**2):
-        raise BadInput(f"{a.name}-{b.name}: expected parallel lines, these cross; pair lines of one axis")
+        raise BadInput(f"{a.name}-{b.name}: expected parallel lines, they cross; pair others")
     first, second = ("North", "South") if a.velocity[0] == 0 else ("West", "East")
     return f"{first}-{first if dot > 0 else second}"
 

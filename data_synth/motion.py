@@ -25,7 +25,8 @@ N_GUSTS, N_VIBRATIONS = 12, 6
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Six sums of sinusoids: ``amplitude`` (6, S) m and rad, ``omega`` (6, S) rad/s, ``phase`` (6, S)."""
+    """Six sums of sinusoids of ``amplitude`` (6, S) m and rad, ``omega`` (6, S) rad/s and ``phase``
+    (6, S) rad, for east, north, up, roll, pitch, heading."""
 
     amplitude: np.ndarray
     omega: np.ndarray
@@ -69,7 +70,7 @@ def _sinusoids(time, amplitude, omega, phase, value, rate):
 
 @dataclass(frozen=True)
 class Motion:
-    """The true motion between ``start`` and ``end`` s; ``course`` gives east, north, up, heading."""
+    """True motion between ``start`` and ``end`` s; ``course`` gives east, north, up, heading."""
 
     course: PPoly
     disturbance: Disturbance
@@ -118,6 +119,4 @@ def _hermite(time, origin, step, value, rate, pose):
         a, b = (1.0 + 2.0 * u) * v * v, (1.0 + 2.0 * v) * u * u
         c, d = step * u * v * v, -step * u * u * v
         for j in range(6):
-            pose[i, j] = (
-                a * value[k, j] + b * value[k + 1, j] + c * rate[k, j] + d * rate[k + 1, j]
-            )
+            pose[i, j] = a * value[k, j] + b * value[k + 1, j] + c * rate[k, j] + d * rate[k + 1, j]

@@ -25,7 +25,8 @@ def apx15(noise_scale: float = 1.0) -> Navigation:
 
 
 def gauss_markov(count: int, step: float, correlation_time: float, rng) -> np.ndarray:
-    """A stationary first-order Gauss-Markov process of unit variance, (count, 6), exactly discretised."""
+    """Six stationary first-order Gauss-Markov processes of unit variance, (count, 6), exact at
+    any ``step``."""
     decay = np.exp(-step / correlation_time)
     drive = rng.normal(size=(count, 6))
     drive[1:] *= np.sqrt(1.0 - decay**2)

@@ -1,6 +1,7 @@
 """What can be chosen: the configuration of a simulated survey, by preset and profile."""
 
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 
@@ -35,16 +36,19 @@ class SimulationConfig:
     def __post_init__(self):
         _require_choice("preset", self.preset, PRESETS)
         _require_choice("profile", self.profile, PROFILES)
-        _require_not_negative("seed", self.seed)
+        _require_whole("seed", self.seed)
         _require_not_negative("noise_scale", self.noise_scale)
         _require_not_negative("range_offset_sigma_m", self.range_offset_sigma_m)
         if self.boresight_deg is not None:
             _require_angles(self.boresight_deg)
+            angles = tuple(float(angle) for angle in self.boresight_deg)
+            object.__setattr__(self, "boresight_deg", angles)
 
     @property
     def boresight(self) -> np.ndarray:
         """True omega, phi, kappa, (3,) rad."""
-        return np.radians(PRESETS[self.preset] if self.boresight_deg is None else self.boresight_deg)
+        chosen = PRESETS[self.preset] if self.boresight_deg is None else self.boresight_deg
+        return np.radians(chosen)
 
     @property
     def thinning(self) -> int:
@@ -59,7 +63,13 @@ def make_config(preset: str = "mount", profile: str = "quick", **other) -> Simul
 
 def _require_choice(what: str, value, choices) -> None:
     if value not in choices:
-        raise BadInput(f"{what}: expected one of {', '.join(choices)}, got {value!r}; choose one of them")
+        names = ", ".join(choices)
+        raise BadInput(f"{what}: expected one of {names}, got {value!r}; choose one of them")
+
+
+def _require_whole(what: str, value) -> None:
+    if not isinstance(value, Integral) or value < 0:
+        raise BadInput(f"{what}: expected a whole number >= 0, got {value!r}; give zero or more")
 
 
 def _require_not_negative(what: str, value) -> None:
@@ -70,5 +80,6 @@ def _require_not_negative(what: str, value) -> None:
 def _require_angles(angles) -> None:
     if len(angles) != 3 or not np.isfinite(angles).all():
         raise BadInput(
-            f"boresight_deg: expected three finite angles, got {angles!r}; give omega, phi, kappa in degrees"
+            f"boresight_deg: expected three finite angles, got {angles!r}; "
+            "give omega, phi, kappa in degrees"
         )

@@ -36,7 +36,8 @@ class Raycaster:
             part = slice(start, start + BATCH)
             rays = np.concatenate([origin[part], direction[part]], axis=1, dtype=np.float32)
             hit = self._scene.cast_rays(o3d.core.Tensor(rays))["primitive_ids"].numpy()
-            _distances(origin[part], direction[part], hit, self._planes, distance[part], triangle[part])
+            out = distance[part], triangle[part]
+            _distances(origin[part], direction[part], hit, self._planes, *out)
         return distance, triangle
 
 

@@ -78,10 +78,8 @@ class Recorder:
             pose = self.motion.at(pulses.time[part])
             elevation = self.scanner.beam_elevations[pulses.ring[part]] + elevation_noise[part]
             origin, direction = np.empty((len(pose), 3)), np.empty((len(pose), 3))
-            aim(
-                pose, pulses.azimuth[part], elevation, self.mounting.R_l_b, self.mounting.lever_arm,
-                origin, direction,
-            )
+            beam = pulses.azimuth[part], elevation
+            aim(pose, *beam, self.mounting.R_l_b, self.mounting.lever_arm, origin, direction)
             distance[part], triangle[part] = self.caster.cast(origin, direction)
         return distance, triangle
 

@@ -20,25 +20,25 @@ SITE_EXTENT = (140.0, 85.0)
 
 
 @dataclass(frozen=True)
-class ReferenceError:
-    """``shift`` (3,) m of the whole cloud and ``point_sigma`` m of each range and coordinate."""
+class ReferenceNoise:
+    """``shift`` (3,) m of the whole cloud and ``point_sigma`` m of each coordinate of a point."""
 
     shift: np.ndarray
     point_sigma: float
 
 
-def draw_error(noisy: bool, rng: np.random.Generator) -> ReferenceError:
+def draw_noise(noisy: bool, rng: np.random.Generator) -> ReferenceNoise:
     """What the reference is off by; nothing if not ``noisy``."""
     shift = ABSOLUTE_SIGMA * rng.normal(size=3)
-    return ReferenceError(shift, POINT_SIGMA) if noisy else ReferenceError(np.zeros(3), 0.0)
+    return ReferenceNoise(shift, POINT_SIGMA) if noisy else ReferenceNoise(np.zeros(3), 0.0)
 
 
 def scan(caster: Raycaster, noisy: bool, rng: np.random.Generator) -> np.ndarray:
     """The reference cloud (K, 3) m, m-frame."""
-    error = draw_error(noisy, rng)
+    noise = draw_noise(noisy, rng)
     points = np.concatenate([_scan_line(caster, axis) for axis in (0, 1)])
-    points += error.point_sigma * rng.normal(size=points.shape)
-    return points[(np.abs(points[:, :2]) < SITE_EXTENT).all(axis=1)] + error.shift
+    points += noise.point_sigma * rng.normal(size=points.shape)
+    return points[(np.abs(points[:, :2]) < SITE_EXTENT).all(axis=1)] + noise.shift
 
 
 def _scan_line(caster: Raycaster, axis: int) -> np.ndarray:

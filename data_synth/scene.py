@@ -1,4 +1,4 @@
-"""The scene as triangles, each with its exact plane, what it is, and which gable face it belongs to.
+"""The scene as triangles: each has its exact plane, its class, and the gable face it belongs to.
 
 m-frame, metres. Planes are n . p - d = 0 with |n| = 1; those of gable faces have n_z > 0.
 """
@@ -92,12 +92,12 @@ class SceneBuilder:
         fan = [(0, k, k + 1) for k in range(1, len(corners) - 1)]
         self.mesh(corners, fan, kind, face)
 
-    def prism(self, base, top, kind: ObjectClass, lid: ObjectClass | None = None) -> None:
-        """Add the sides between two polygons (K, 3) of equal length, and ``top`` as lid (``kind`` if None)."""
+    def prism(self, base, top, kind: ObjectClass) -> None:
+        """Add the sides between two polygons (K, 3) of equal length, and the upper one as lid."""
         for k in range(len(base)):
             j = (k + 1) % len(base)
             self.polygon([base[k], base[j], top[j], top[k]], kind)
-        self.polygon(top, kind if lid is None else lid)
+        self.polygon(top, kind)
 
     def gable_face(self, building: int, corners) -> None:
         """Add a gable face and remember it as truth."""

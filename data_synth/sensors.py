@@ -2,7 +2,7 @@
 
 l-frame: z along the spin axis, azimuth zero at nadir in the nominal mounting. Radians, seconds.
 Source: Velodyne, VLP-16 User Manual 63-9243: 16 lasers fire 2.304 us apart, a sequence lasts
-55.296 us, and the lasers of the lower and upper half take turns; beams of the Hi-Res every 1.333 deg.
+55.296 us, the lasers of the lower and upper half take turns; the Hi-Res has beams every 1.333 deg.
 """
 
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ def vlp16_hires() -> Scanner:
 
 @dataclass(frozen=True)
 class Pulses:
-    """Shots in order of time: ``time`` (N,) s, ``ring`` (N,) uint8, ``azimuth`` (N,) rad, of the beam."""
+    """Shots in order of time: ``time`` (N,) s, ``ring`` (N,) uint8, ``azimuth`` (N,) rad."""
 
     time: np.ndarray
     ring: np.ndarray
@@ -61,8 +61,8 @@ def azimuth_at(time: np.ndarray) -> np.ndarray:
 
 
 def _sequences(duration: float, thinning: int) -> np.ndarray:
-    """Numbers of the sequences kept. Every ``thinning``-th, moved from turn to turn (by 7 of 16, say),
-    so that a thin strip fills the ground as evenly as a full one."""
+    """Numbers of the sequences kept: every ``thinning``-th, moved on by seven from turn to turn, so
+    that a thin strip fills the ground as evenly as a full one."""
     count = int(duration / SEQUENCE_PERIOD)
     group = np.arange(0, count, thinning)
     turn = np.floor(group * SEQUENCE_PERIOD * ROTATION_RATE).astype(int)

@@ -55,32 +55,41 @@ class Truth:
 
 
 def simulate(config: SimulationConfig | None = None) -> tuple[Survey, Truth]:
-    """Fly over the farm: what the operator gets, and the truth. The same seed gives the same bits."""
+    """Fly over the farm: what the operator gets, and the truth. A seed gives the same bits."""
     config = SimulationConfig() if config is None else config
     seeds = dict(zip(STREAMS, np.random.SeedSequence(config.seed).spawn(len(STREAMS)), strict=True))
     rng = {name: np.random.default_rng(seed) for name, seed in seeds.items() if name != "sensor"}
     scene, lines = build_farm(rng["scene"]), flight_plan()
-    motion = fly(lines, rng["flight"])
-    offsets = config.range_offset_sigma_m * rng["offsets"].normal(size=N_RINGS)
+    motion, caster = fly(lines, rng["flight"]), Raycaster(scene)
     known = Mounting(lever_arm=LEVER_ARM)
+    offsets = config.range_offset_sigma_m * rng["offsets"].normal(size=N_RINGS)
     true = known.with_calibration(config.boresight, offsets)
-    caster = Raycaster(scene)
     recorder = Recorder(caster, scene, motion, vlp16_hires(), true, config.sensor_noise)
-    children = seeds["sensor"].spawn(len(lines))
-    records = [
-        recorder.record(line, config.thinning, np.random.default_rng(child))
-        for line, child in zip(lines, children, strict=True)
-    ]
-    strips, labels, classes = zip(*records, strict=True)
+    strips, labels, classes = _record_all(recorder, lines, config.thinning, seeds["sensor"])
     trajectory = motion.record()
-    survey = Survey(
-        strips=strips,
-        trajectory=disturb(trajectory, config.noise_scale, rng["navigation"]),
-        mounting=known,
-        scanner=recorder.scanner,
-        navigation=apx15(config.noise_scale),
-        reference=reference.scan(caster, config.reference_noise, rng["reference"]),
+    reported = disturb(trajectory, config.noise_scale, rng["navigation"])
+    cloud = reference.scan(caster, config.reference_noise, rng["reference"])
+    navigation = apx15(config.noise_scale)
+    survey = Survey(strips, reported, known, recorder.scanner, navigation, cloud)
+    truth = Truth(
+        boresight=true.boresight,
+        range_offsets=offsets,
+        lever_arm=LEVER_ARM,
+        trajectory=trajectory,
+        motion=motion,
+        faces=scene.faces,
+        labels=labels,
+        classes=classes,
+        scene=scene,
+        lines=lines,
     )
-    return survey, Truth(
-        true.boresight, offsets, LEVER_ARM, trajectory, motion, scene.faces, labels, classes, scene, lines
-    )
+    return survey, truth
+
+
+def _record_all(recorder: Recorder, lines, thinning: int, seed: np.random.SeedSequence):
+    """Strips, labels and classes of all lines, each line with its own random stream."""
+    records = [
+        recorder.record(line, thinning, np.random.default_rng(child))
+        for line, child in zip(lines, seed.spawn(len(lines)), strict=True)
+    ]
+    return zip(*records, strict=True)

@@ -46,7 +46,8 @@ def add_tree(builder: SceneBuilder, tree: Tree, rng: np.random.Generator) -> Non
     builder.prism(base, top, ObjectClass.TRUNK)
     semi_axes = np.array([tree.radius, tree.radius, 0.5 * (tree.height - tree.stem)])
     corners = _leaves(middle, semi_axes, rng)
-    builder.mesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), ObjectClass.LEAF)
+    triangles = np.arange(3 * len(corners)).reshape(-1, 3)
+    builder.mesh(corners.reshape(-1, 3), triangles, ObjectClass.LEAF)
 
 
 def _leaves(middle: np.ndarray, semi_axes: np.ndarray, rng: np.random.Generator) -> np.ndarray:
