@@ -22,13 +22,22 @@ def georeference(rays: Rays, mounting: Mounting) -> np.ndarray:
     p_m = np.empty((len(rays), 3))
     n_rings = int(rays.ring.max()) + 1 if len(rays) else 0
     _georeference(
-        rays.pose, rays.ring, rays.azimuth, rays.elevation, rays.rho,
-        mounting.R_l_b, np.asarray(mounting.lever_arm, float), mounting.offsets(n_rings), p_m,
+        rays.pose,
+        rays.ring,
+        rays.azimuth,
+        rays.elevation,
+        rays.rho,
+        mounting.R_l_b,
+        np.asarray(mounting.lever_arm, float),
+        mounting.offsets(n_rings),
+        p_m,
     )
     return p_m
 
 
-def georeference_strip(survey: Survey, strip: Strip, mounting: Mounting | None = None) -> np.ndarray:
+def georeference_strip(
+    survey: Survey, strip: Strip, mounting: Mounting | None = None
+) -> np.ndarray:
     """Points (N, 3) m, m-frame, of a whole strip; by default under the survey's own mounting."""
     return georeference(survey.rays(strip), survey.mounting if mounting is None else mounting)
 

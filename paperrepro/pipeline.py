@@ -90,6 +90,13 @@ class RoofSurvey:
     gables: np.ndarray
     boresights: np.ndarray
 
+    def views(self, points: Candidates) -> list[tuple[str, np.ndarray]]:
+        """Each matched face as (strip, indices into the strip), in the order of ``keys``."""
+        return [
+            (strip, points.index[strip][self.roofs[strip].faces[face].points])
+            for strip, face in self.keys
+        ]
+
 
 def find_candidates(survey: Survey, params: PipelineParameters | None = None) -> Candidates:
     """Outlier removal and ground filter of every strip, one strip in memory at a time."""
@@ -141,7 +148,8 @@ def roofs_under(
     faces = [rays[strip].take(roofs[strip].faces[face].points) for strip, face in keys]
     number = {key: position for position, key in enumerate(keys)}
     matched = MatchedFaces.build(
-        faces, [strip for strip, _ in keys],
+        faces,
+        [strip for strip, _ in keys],
         [[number[key] for key in tie] for tie in ties],
         [(number[p.reference], number[p.search]) for p in matches.pairs],
     )
@@ -169,7 +177,9 @@ def calibrate_all(
 
 
 def refine_all(
-    survey: Survey, points: Candidates, results: dict[str, CalibrationResult],
+    survey: Survey,
+    points: Candidates,
+    results: dict[str, CalibrationResult],
     params: PipelineParameters | None = None,
 ) -> dict[str, CalibrationResult]:
     """Section 2.2.5 after each calibration: roofs extracted and matched anew, then Eq. (9)."""

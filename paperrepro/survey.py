@@ -149,7 +149,9 @@ def _hermite(nodes, value, rate, time, out):
         c = s * s * s - s * s
         for j in range(value.shape[1]):
             out[i, j] = (
-                a * value[k, j] + (1 - a) * value[k + 1, j] + h * (b * rate[k, j] + c * rate[k + 1, j])
+                a * value[k, j]
+                + (1 - a) * value[k + 1, j]
+                + h * (b * rate[k, j] + c * rate[k + 1, j])
             )
 
 
@@ -202,7 +204,12 @@ class Rays:
     @staticmethod
     def join(parts: list["Rays"]) -> "Rays":
         """One after the other."""
-        return Rays(*(np.concatenate(columns) for columns in zip(*(p._columns() for p in parts), strict=True)))
+        return Rays(
+            *(
+                np.concatenate(columns)
+                for columns in zip(*(p._columns() for p in parts), strict=True)
+            )
+        )
 
 
 @dataclass(frozen=True)
@@ -222,7 +229,9 @@ class Survey:
 
     def rays(self, strip: Strip, index=slice(None)) -> Rays:
         """`Rays` of a strip, or of the chosen points of it. Raises what `Strip.check` and `Trajectory.at` raise."""
-        part = Strip(strip.name, *(c[index] for c in (strip.time, strip.ring, strip.azimuth, strip.rho))).check()
+        part = Strip(
+            strip.name, *(c[index] for c in (strip.time, strip.ring, strip.azimuth, strip.rho))
+        ).check()
         ring = np.asarray(part.ring)
         if ring.max() >= self.scanner.n_rings:
             raise BadInput(
@@ -230,5 +239,10 @@ class Survey:
                 "choose the right scanner or ring column"
             )
         elevation = self.scanner.beam_elevations[ring]
-        return Rays(self.trajectory.at(part.time, strip.name), ring, np.asarray(part.azimuth), elevation,
-                    np.asarray(part.rho))
+        return Rays(
+            self.trajectory.at(part.time, strip.name),
+            ring,
+            np.asarray(part.azimuth),
+            elevation,
+            np.asarray(part.rho),
+        )
