@@ -71,7 +71,8 @@ def flight_plan() -> tuple[FlightLine, ...]:
         middle = offset * SWATH * np.round([np.cos(heading) ** 2, np.sin(heading) ** 2])
         start, end = middle - 0.5 * LINE_LENGTH * along, middle + 0.5 * LINE_LENGTH * along
         if before is not None:
-            time = before.end_time + 2 * RUN_IN + _turn_time(before, start - RUN_IN * SPEED * along)
+            turn = _turn_time(before, start - RUN_IN * SPEED * along)
+            time = before.end_time + 2 * RUN_IN + turn
         before = FlightLine(name, start, end, float(heading), time, time + LINE_LENGTH / SPEED)
         lines.append(before)
     return tuple(lines)
@@ -79,7 +80,7 @@ def flight_plan() -> tuple[FlightLine, ...]:
 
 def _turn_time(before: FlightLine, entry: np.ndarray) -> float:
     gap = np.linalg.norm(entry - (before.end + RUN_IN * before.velocity))
-    return max(TURN_TIME, TURN_SLOWNESS * gap / SPEED)
+    return max(TURN_TIME, float(TURN_SLOWNESS * gap / SPEED))
 
 
 def overlap(a: FlightLine, b: FlightLine) -> float:

@@ -1,0 +1,42 @@
+"""A configuration says what it takes."""
+
+import numpy as np
+import pytest
+
+from data_synth import PRESETS, PROFILES, SimulationConfig, make_config
+from paperrepro.errors import BadInput
+
+
+def test_default_is_the_quick_survey_of_a_hand_mounted_scanner():
+    assert make_config() == SimulationConfig(seed=1, preset="mount", profile="quick")
+
+
+@pytest.mark.parametrize(("field", "choices"), [("preset", PRESETS), ("profile", PROFILES)])
+def test_unknown_choice_names_the_choices(field, choices):
+    with pytest.raises(BadInput, match=f"{field}: expected one of {', '.join(choices)}, got 'x'"):
+        make_config(**{field: "x"})
+
+
+@pytest.mark.parametrize("field", ["noise_scale", "range_offset_sigma_m"])
+@pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
+def test_a_sigma_is_a_number_not_negative(field, value):
+    with pytest.raises(BadInput, match=field):
+        make_config(**{field: value})
+
+
+@pytest.mark.parametrize("seed", [-1, 0.5])
+def test_a_seed_is_a_whole_number(seed):
+    with pytest.raises(BadInput, match="seed"):
+        make_config(seed=seed)
+
+
+@pytest.mark.parametrize("angles", [(1.0, 2.0), (1.0, 2.0, np.nan)])
+def test_a_boresight_is_three_finite_angles(angles):
+    with pytest.raises(BadInput, match="boresight_deg"):
+        make_config(boresight_deg=angles)
+
+
+def test_boresight_overrides_the_preset_and_stays_hashable():
+    config = make_config(boresight_deg=[0.1, 0.2, 0.3])
+    np.testing.assert_allclose(np.degrees(config.boresight), (0.1, 0.2, 0.3))
+    assert hash(config) == hash(make_config(boresight_deg=(0.1, 0.2, 0.3)))

@@ -1,0 +1,72 @@
+"""The scanner fires as its data sheet says."""
+
+import numpy as np
+import pytest
+
+from data_synth.sensors import (
+    FIRING_ORDER,
+    HALF_SWATH,
+    LASER_PERIOD,
+    N_RINGS,
+    SEQUENCE_PERIOD,
+    azimuth_at,
+    fire,
+    vlp16_hires,
+)
+
+START, DURATION = 1002.0, 3.0
+
+
+@pytest.fixture(scope="module")
+def full():
+    return fire(START, DURATION)
+
+
+@pytest.fixture(scope="module")
+def thin():
+    return fire(START, DURATION, 16)
+
+
+def test_beams():
+    elevations = np.degrees(vlp16_hires().beam_elevations)
+    np.testing.assert_allclose(elevations[[0, -1]], (-10.0, 10.0))
+    np.testing.assert_allclose(np.diff(elevations), 4.0 / 3.0)
+
+
+def test_lower_and_upper_half_take_turns():
+    assert FIRING_ORDER.tolist() == [0, 8, 1, 9, 2, 10, 3, 11, 4, 12, 5, 13, 6, 14, 7, 15]
+
+
+def test_times_within_and_between_sequences(full):
+    step = np.diff(full.time)
+    inside = step[full.ring[1:] != FIRING_ORDER[0]]
+    assert inside[inside < 1e-3] == pytest.approx(LASER_PERIOD, abs=1e-11)
+    between = step[full.ring[1:] == FIRING_ORDER[0]]
+    pause = SEQUENCE_PERIOD - (N_RINGS - 1) * LASER_PERIOD
+    assert between[between < 1e-3] == pytest.approx(pause, abs=1e-11)
+
+
+def test_rate_is_300000_per_second_over_the_circle(full):
+    whole = len(full) / DURATION * np.pi / HALF_SWATH
+    assert whole == pytest.approx(N_RINGS / SEQUENCE_PERIOD, rel=1e-3)
+    assert whole == pytest.approx(300_000, rel=0.05)
+
+
+def test_azimuth_turns_ten_times_a_second_within_the_swath(full):
+    assert np.abs(full.azimuth).max() <= HALF_SWATH
+    np.testing.assert_allclose(np.cos(full.azimuth), np.cos(2 * np.pi * 10 * full.time), atol=1e-6)
+    assert azimuth_at(np.array([1000.0])) == pytest.approx(0.0, abs=1e-9)
+    assert azimuth_at(np.array([1000.01])) == pytest.approx(np.radians(36.0), abs=1e-6)
+
+
+def test_a_thin_strip_holds_some_of_the_same_pulses(full, thin):
+    assert len(thin) / len(full) == pytest.approx(1 / 16, rel=0.02)
+    assert np.isin(thin.time, full.time).all()
+    np.testing.assert_allclose(np.bincount(thin.ring), len(thin) / N_RINGS, rtol=0.02)
+
+
+def test_a_thin_strip_spreads_over_all_azimuths(thin):
+    """Whole sequences are 3.2 deg apart in a turn; within seconds the turns fill the gaps."""
+    count = np.histogram(np.degrees(thin.azimuth[thin.ring == 3]), bins=240, range=(-60, 60))[0]
+    assert count.min() > 0
+    assert count.std() / count.mean() < 0.5

@@ -1,0 +1,88 @@
+"""The same seed gives the same bits, and one kind of noise leaves the others alone."""
+
+from dataclasses import fields
+
+import numba
+import numpy as np
+import pytest
+
+from data_synth import make_config, simulate
+
+
+def same_strips(a, b) -> bool:
+    columns = ("time", "ring", "azimuth", "rho")
+    return all(
+        np.array_equal(getattr(one, c), getattr(other, c))
+        for one, other in zip(a.strips, b.strips, strict=True)
+        for c in columns
+    )
+
+
+def same_faces(a, b) -> bool:
+    return all(
+        np.array_equal(getattr(one, f.name), getattr(other, f.name))
+        for one, other in zip(a.faces, b.faces, strict=True)
+        for f in fields(one)
+    )
+
+
+@pytest.fixture
+def one_thread():
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    yield
+    numba.set_num_threads(before)
+
+
+@pytest.mark.usefixtures("one_thread")
+def test_same_seed_same_bits_on_any_number_of_threads(noisy):
+    survey, truth = simulate(make_config())
+    assert same_strips(survey, noisy[0])
+    assert same_faces(truth, noisy[1])
+    np.testing.assert_array_equal(survey.reference, noisy[0].reference)
+    np.testing.assert_array_equal(survey.trajectory.position, noisy[0].trajectory.position)
+    for mine, theirs in zip(truth.labels, noisy[1].labels, strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+
+
+def test_noise_scale_changes_the_trajectory_alone(noisy):
+    survey, truth = simulate(make_config(noise_scale=2.0))
+    assert same_strips(survey, noisy[0])
+    assert same_faces(truth, noisy[1])
+    np.testing.assert_array_equal(survey.reference, noisy[0].reference)
+    error, before = (
+        s.trajectory.position - t.trajectory.position for s, t in ((survey, truth), noisy)
+    )
+    np.testing.assert_allclose(error, 2 * before, atol=1e-12)
+
+
+def test_sensor_noise_leaves_farm_flight_and_offsets(noisy, exact):
+    assert same_faces(exact[1], noisy[1])
+    np.testing.assert_array_equal(exact[1].range_offsets, noisy[1].range_offsets)
+    np.testing.assert_array_equal(exact[1].trajectory.position, noisy[1].trajectory.position)
+    for quiet, loud in zip(exact[1].labels, noisy[1].labels, strict=True):
+        assert (quiet == loud).mean() > 0.99
+
+
+def test_no_navigation_error_is_the_truth(exact):
+    np.testing.assert_array_equal(exact[0].trajectory.position, exact[1].trajectory.position)
+    np.testing.assert_allclose(
+        exact[0].trajectory.attitude, exact[1].trajectory.attitude, atol=1e-15
+    )
+
+
+def test_another_seed_is_another_farm_and_flight(noisy):
+    config = make_config(seed=2, preset="table4", range_offset_sigma_m=0.0)
+    _, truth = simulate(config)
+    assert not same_faces(truth, noisy[1])
+    assert not np.array_equal(truth.trajectory.position, noisy[1].trajectory.position)
+    np.testing.assert_array_equal(truth.boresight, config.boresight)
+    assert not truth.range_offsets.any()
+
+
+def test_the_operator_knows_the_lever_arm_and_nothing_of_the_boresight(noisy):
+    survey, truth = noisy
+    np.testing.assert_array_equal(survey.mounting.lever_arm, truth.lever_arm)
+    assert not survey.mounting.boresight.any()
+    assert survey.mounting.range_offsets is None
+    assert 0.005 < truth.range_offsets.std() < 0.03
