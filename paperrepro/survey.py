@@ -23,6 +23,22 @@ def _require_finite(values, what: str) -> None:
         )
 
 
+def _require_vector(values, what: str) -> None:
+    if np.shape(values) != (3,):
+        raise BadInput(
+            f"{what}: expected three numbers, got shape {np.shape(values)}; give one per body axis"
+        )
+    _require_finite(values, what)
+
+
+def _require_lengths(lengths: dict[str, int], what: str) -> None:
+    if len(set(lengths.values())) > 1:
+        came = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise BadInput(
+            f"{what}: expected columns of one length, got {came}; read them anew from one file"
+        )
+
+
 @dataclass(frozen=True)
 class Scanner:
     """A spinning multi-beam scanner by its specification.
@@ -65,8 +81,10 @@ class Mounting:
 
     def __post_init__(self):
         object.__setattr__(self, "R_nominal", require_rotation(self.R_nominal, "mounting rotation"))
-        _require_finite(self.lever_arm, "mounting lever arm")
-        _require_finite(self.boresight, "mounting boresight")
+        _require_vector(self.lever_arm, "mounting lever arm")
+        _require_vector(self.boresight, "mounting boresight")
+        if self.range_offsets is not None:
+            _require_finite(self.range_offsets, "mounting range offsets")
 
     @property
     def R_l_b(self) -> np.ndarray:
@@ -74,8 +92,16 @@ class Mounting:
         return boresight_matrix(self.boresight, self.R_nominal)
 
     def offsets(self, n_rings: int) -> np.ndarray:
-        """(rings,) m."""
-        return np.zeros(n_rings) if self.range_offsets is None else self.range_offsets
+        """At least (n_rings,) m. Raises `BadInput` where the mounting knows fewer rings."""
+        if self.range_offsets is None:
+            return np.zeros(n_rings)
+        offsets = np.asarray(self.range_offsets, float)
+        if offsets.ndim != 1 or len(offsets) < n_rings:
+            raise BadInput(
+                f"mounting range offsets: expected one for each of {n_rings} rings, got shape "
+                f"{offsets.shape}; give an offset per beam of the scanner, or none at all"
+            )
+        return offsets
 
     def with_calibration(self, boresight, range_offsets=None) -> "Mounting":
         """The same mounting with another boresight and range offsets."""
@@ -95,6 +121,8 @@ class Trajectory:
         _require_finite(self.time, "trajectory time")
         _require_finite(self.position, "trajectory position")
         _require_finite(self.attitude, "trajectory attitude")
+        names = ("time", "position", "attitude")
+        _require_lengths({name: len(getattr(self, name)) for name in names}, "trajectory")
         if len(self.time) < 2 or not (np.diff(self.time) > 0).all():
             raise BadInput(
                 "trajectory: expected at least two poses with increasing time, got "
@@ -173,8 +201,8 @@ class Strip:
         """Return itself, or raise `EmptyStrip`, `NotFinite`, `BadInput`."""
         if len(self) == 0:
             raise EmptyStrip(f"{self.name}: expected points, the strip is empty; leave it out")
-        if {len(self.ring), len(self.azimuth), len(self.rho)} != {len(self)}:
-            raise BadInput(f"{self.name}: expected columns of one length, they differ")
+        names = ("time", "ring", "azimuth", "rho")
+        _require_lengths({name: len(getattr(self, name)) for name in names}, self.name)
         for column in ("time", "azimuth", "rho"):
             _require_finite(getattr(self, column), f"{self.name} {column}")
         return self
@@ -233,10 +261,10 @@ class Survey:
             strip.name, *(c[index] for c in (strip.time, strip.ring, strip.azimuth, strip.rho))
         ).check()
         ring = np.asarray(part.ring)
-        if ring.max() >= self.scanner.n_rings:
+        if ring.max() >= self.scanner.n_rings or ring.min() < 0:
             raise BadInput(
-                f"{strip.name}: ring {ring.max()} found, {self.scanner.name} has {self.scanner.n_rings}; "
-                "choose the right scanner or ring column"
+                f"{strip.name}: rings {ring.min()} to {ring.max()} found, {self.scanner.name} has "
+                f"{self.scanner.n_rings}, counted from 0; choose the right scanner or ring column"
             )
         elevation = self.scanner.beam_elevations[ring]
         return Rays(
