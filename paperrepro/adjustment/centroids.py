@@ -16,7 +16,9 @@ from paperrepro.georeference import point_jacobians
 N_POSE = 6
 
 
-def virtual_jacobians(centroids: np.ndarray, poses: np.ndarray, unknowns: Unknowns, x: np.ndarray) -> np.ndarray:
+def virtual_jacobians(
+    centroids: np.ndarray, poses: np.ndarray, unknowns: Unknowns, x: np.ndarray
+) -> np.ndarray:
     """Derivatives (F, 3, 9) of ``centroids`` (F, 3), each seen as a ray from its mean pose (F, 6)."""
     out = np.empty((len(centroids), 3, 9))
     R_l_b, dR_l_b, lever, _, _ = unknowns.kernel_arguments(x)
@@ -26,7 +28,9 @@ def virtual_jacobians(centroids: np.ndarray, poses: np.ndarray, unknowns: Unknow
         r_l = R_l_b.T @ (v_b - lever)
         rho = np.linalg.norm(r_l)
         angles = np.arctan2(r_l[1], r_l[0]), np.arcsin(r_l[2] / rho)
-        point_jacobians(np.array([*pose, rho, *angles]), R_l_b, dR_l_b, lever, 0.0, p, J_x, out[face])
+        point_jacobians(
+            np.array([*pose, rho, *angles]), R_l_b, dR_l_b, lever, 0.0, p, J_x, out[face]
+        )
     return out
 
 
@@ -40,7 +44,12 @@ def centroid_variances(
 
 
 def centroid_blocks(
-    face: np.ndarray, group: np.ndarray, states: FaceStates, origin: np.ndarray, planes: np.ndarray, s: np.ndarray
+    face: np.ndarray,
+    group: np.ndarray,
+    states: FaceStates,
+    origin: np.ndarray,
+    planes: np.ndarray,
+    s: np.ndarray,
 ) -> Blocks:
     """Blocks of Eq. (5): centroid of ``face`` (K,) on plane ``group`` (K,), variances ``s`` (K,).
 
@@ -49,7 +58,8 @@ def centroid_blocks(
     relative = states.centroid[face] - origin[group]
     n, d = planes[group, :3], planes[group, 3]
     row = np.concatenate(
-        [np.einsum("ka,kau->ku", n, states.J_centroid[face]), relative, -np.ones((len(face), 1))], axis=1
+        [np.einsum("ka,kau->ku", n, states.J_centroid[face]), relative, -np.ones((len(face), 1))],
+        axis=1,
     )
     w = np.einsum("ka,ka->k", n, relative) - d
     size = row.shape[1]

@@ -57,8 +57,21 @@ def _plane_of_scatter(centroid, J_centroid, scatter, cross):
 
 @numba.njit(cache=True, parallel=True)
 def _face_sums(
-    pose, ring, azimuth, elevation, rho, ranges,
-    R_l_b, dR_l_b, lever, offsets, ring_column, centroid, J, scatter, cross,
+    pose,
+    ring,
+    azimuth,
+    elevation,
+    rho,
+    ranges,
+    R_l_b,
+    dR_l_b,
+    lever,
+    offsets,
+    ring_column,
+    centroid,
+    J,
+    scatter,
+    cross,
 ):
     for f in numba.prange(len(ranges)):
         obs, p = np.empty(9), np.empty(3)

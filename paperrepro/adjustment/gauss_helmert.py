@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from paperrepro.adjustment.normals import Blocks
-from paperrepro.errors import NoConvergence, RankDefect
+from paperrepro.adjustment.observability import Observability, no_convergence, require_determined
+from paperrepro.errors import RankDefect, TooFewPlanes
 
 MAX_ITERATIONS = 50
 #: Largest correction, rad and m, at which the iterations end.
@@ -62,7 +63,10 @@ class Pseudo:
 
 
 def solve_free(
-    blocks: Callable[[np.ndarray, np.ndarray], Blocks], x: np.ndarray, planes: np.ndarray, pseudo: Pseudo
+    blocks: Callable[[np.ndarray, np.ndarray], Blocks],
+    x: np.ndarray,
+    planes: np.ndarray,
+    pseudo: Pseudo,
 ) -> Solution:
     """Adjust ``x`` (u,) together with unit-norm ``planes`` (G, 4); ``blocks(x, planes)``.
 
@@ -70,15 +74,15 @@ def solve_free(
     """
     for iteration in range(1, MAX_ITERATIONS + 1):
         condition = blocks(x, planes)
-        inverse, prior = _bordered_inverse(condition, planes), pseudo.normals(x)
+        inverse = _bordered_inverse(condition, planes)
         data = _schur(condition, inverse, planes)
-        dx = -_solve(data.S + prior.S, data.t + prior.t)
+        dx = _correction(data, pseudo, x)
         d_planes = _back_substitute(condition, inverse, planes, dx)
         x, planes = x + dx, planes + d_planes
         if max(np.abs(dx).max(), np.abs(d_planes).max()) < TOLERANCE:
             break
     else:
-        raise _no_convergence(dx)
+        raise _no_convergence(data, pseudo, dx)
     condition = blocks(x, planes)
     inverse = _bordered_inverse(condition, planes)
     data = _schur(condition, inverse, planes)
@@ -100,13 +104,13 @@ def solve_reference(
     """
     for iteration in range(1, MAX_ITERATIONS + 1):
         planes, J = plane_states(x)
-        prior, data = pseudo.normals(x), _fold(blocks(x, planes), J)
-        dx = -_solve(data.S + prior.S, data.t + prior.t)
+        data = _fold(blocks(x, planes), J)
+        dx = _correction(data, pseudo, x)
         x = x + dx
         if np.abs(dx).max() < TOLERANCE:
             break
     else:
-        raise _no_convergence(dx)
+        raise _no_convergence(data, pseudo, dx)
     planes, J = plane_states(x)
     condition = blocks(x, planes)
     data = _fold(condition, J)
@@ -114,9 +118,16 @@ def solve_reference(
     return _solution(x, planes, Q, None, data.S, condition, pseudo, iteration, 0)
 
 
-def _solution(x, planes, Q, Q_planes, S_data, condition, pseudo, iterations, n_plane_unknowns) -> Solution:
+def _solution(
+    x, planes, Q, Q_planes, S_data, condition, pseudo, iterations, n_plane_unknowns
+) -> Solution:
     chi2 = float(condition.chi2.sum()) + pseudo.chi2(x)
     dof = int(condition.count.sum()) + np.count_nonzero(pseudo.weight) - len(x) - n_plane_unknowns
+    if dof < 1:
+        raise TooFewPlanes(
+            f"expected more conditions than unknowns, got {condition.count.sum()} conditions and {dof} "
+            "degrees of freedom; match more faces"
+        )
     return Solution(x, planes, Q, Q_planes, S_data, chi2, dof, iterations)
 
 
@@ -149,7 +160,9 @@ def _schur(condition: Blocks, inverse: np.ndarray, planes: np.ndarray) -> Reduce
     return Reduced((S + S.T) / 2, condition.t[:, :-4].sum(axis=0) - eliminated)
 
 
-def _back_substitute(condition: Blocks, inverse: np.ndarray, planes: np.ndarray, dx: np.ndarray) -> np.ndarray:
+def _back_substitute(
+    condition: Blocks, inverse: np.ndarray, planes: np.ndarray, dx: np.ndarray
+) -> np.ndarray:
     """Corrections (G, 4) of the planes."""
     right = _constraint_right_side(condition, planes)
     right[:, :4] += np.einsum("gpu,u->gp", condition.N[:, -4:, :-4], dx)
@@ -171,23 +184,37 @@ def _fold(condition: Blocks, J: np.ndarray) -> Reduced:
     return Reduced((S + S.T) / 2, t.sum(axis=0))
 
 
+def _correction(data: Reduced, pseudo: Pseudo, x: np.ndarray) -> np.ndarray:
+    """Step ``dx`` (u,); raises `RankDefect`."""
+    if not np.isfinite(data.S).all():
+        raise RankDefect(
+            "the normal equations hold NaN: expected faces whose points spread in two directions; "
+            "leave out faces that are lines or single points"
+        )
+    require_determined(Observability.of(data.S, pseudo.weight))
+    prior = pseudo.normals(x)
+    return -_solve(data.S + prior.S, data.t + prior.t)
+
+
 def _solve(S: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Solve after scaling to unit diagonal; raises `RankDefect`."""
     diagonal = np.sqrt(np.abs(np.diag(S)))
-    if (diagonal == 0).any() or not np.isfinite(S).all():
+    if (diagonal == 0).any():
         column = int(np.argmin(diagonal))
-        raise RankDefect(f"unknown {column} appears in no condition; it cannot be estimated from these planes")
+        raise RankDefect(
+            f"unknown {column} appears in no condition; expected planes seen by every estimated "
+            "ring: hold its range offset, or give it a pseudo-observation"
+        )
     scaled = S / np.outer(diagonal, diagonal)
     if np.linalg.cond(scaled) > 1e13:
         raise RankDefect(
-            f"normal equations of condition {np.linalg.cond(scaled):.1e}: expected planes of several slopes and "
-            "azimuths, seen from crossing lines; add strips or planes, or estimate fewer unknowns"
+            f"normal equations of condition {np.linalg.cond(scaled):.1e}: expected planes of several "
+            "slopes and azimuths, seen from crossing lines; add strips or planes, or estimate fewer "
+            "unknowns"
         )
     return np.linalg.solve(scaled, t / diagonal) / diagonal
 
 
-def _no_convergence(dx: np.ndarray) -> NoConvergence:
-    return NoConvergence(
-        f"no convergence after {MAX_ITERATIONS} iterations, last correction {np.abs(dx).max():.2e} "
-        f"(limit {TOLERANCE:.0e}); look for wrong matches, or start closer to the mounting"
-    )
+def _no_convergence(data: Reduced, pseudo: Pseudo, dx: np.ndarray) -> Exception:
+    seen = Observability.of(data.S, pseudo.weight)
+    return no_convergence(seen, MAX_ITERATIONS, np.abs(dx).max(), TOLERANCE)

@@ -28,7 +28,11 @@ class MatchedFaces:
 
     @classmethod
     def build(
-        cls, faces: list[Rays], strips: list[str], planes: list[list[int]], pairs: list[tuple[int, int]]
+        cls,
+        faces: list[Rays],
+        strips: list[str],
+        planes: list[list[int]],
+        pairs: list[tuple[int, int]],
     ) -> "MatchedFaces":
         """From faces in any order; ``planes`` lists the faces of each plane, ``pairs`` index ``faces``.
 
@@ -48,8 +52,11 @@ class MatchedFaces:
         kept = [pair for pair in kept if of_plane[pair[0]] == of_plane[pair[1]]]
         ranges = np.column_stack([np.r_[0, stops[:-1]], stops]).astype(np.int64)
         return cls(
-            Rays.join([faces[face] for face in order]), ranges,
-            tuple(strips[face] for face in order), of_plane, np.array(kept, int).reshape(-1, 2),
+            Rays.join([faces[face] for face in order]),
+            ranges,
+            tuple(strips[face] for face in order),
+            of_plane,
+            np.array(kept, int).reshape(-1, 2),
         )
 
     @property

@@ -33,7 +33,11 @@ class Unknowns:
     @classmethod
     def layout(cls, mounting: Mounting, n_rings: int, range_offsets: str) -> "Unknowns":
         """``range_offsets`` is ``none``, ``common`` (one for all) or ``per_ring``."""
-        columns = {"none": np.full(n_rings, -1), "common": np.full(n_rings, 3), "per_ring": 3 + np.arange(n_rings)}
+        columns = {
+            "none": np.full(n_rings, -1),
+            "common": np.full(n_rings, 3),
+            "per_ring": 3 + np.arange(n_rings),
+        }
         return cls(mounting, columns[range_offsets].astype(np.int64))
 
     @property
@@ -60,8 +64,11 @@ class Unknowns:
     def kernel_arguments(self, x: np.ndarray) -> tuple:
         """What the kernels below take between the rays and their own arrays."""
         return (
-            self.rotation(x), boresight_derivatives(x[:3], self.mounting.R_nominal),
-            np.asarray(self.mounting.lever_arm, float), self.offsets(x), self.ring_column,
+            self.rotation(x),
+            boresight_derivatives(x[:3], self.mounting.R_nominal),
+            np.asarray(self.mounting.lever_arm, float),
+            self.offsets(x),
+            self.ring_column,
         )
 
 
@@ -85,7 +92,9 @@ class Blocks:
     count: np.ndarray
 
     def __add__(self, other: "Blocks") -> "Blocks":
-        return Blocks(self.N + other.N, self.t + other.t, self.chi2 + other.chi2, self.count + other.count)
+        return Blocks(
+            self.N + other.N, self.t + other.t, self.chi2 + other.chi2, self.count + other.count
+        )
 
 
 def columns(rays: Rays) -> tuple:
@@ -94,8 +103,13 @@ def columns(rays: Rays) -> tuple:
 
 
 def point_blocks(
-    rays: Rays, ranges: np.ndarray, origin: np.ndarray, planes: np.ndarray,
-    unknowns: Unknowns, x: np.ndarray, variances: np.ndarray,
+    rays: Rays,
+    ranges: np.ndarray,
+    origin: np.ndarray,
+    planes: np.ndarray,
+    unknowns: Unknowns,
+    x: np.ndarray,
+    variances: np.ndarray,
 ) -> Blocks:
     """Blocks of Eq. (4) for points ``ranges[g, 0]:ranges[g, 1]`` on plane ``g``.
 
@@ -103,7 +117,9 @@ def point_blocks(
     """
     n_planes, size = len(planes), unknowns.size + 4
     N, t, chi2 = np.zeros((n_planes, size, size)), np.zeros((n_planes, size)), np.zeros(n_planes)
-    _point_blocks(*columns(rays), ranges, origin, planes, *unknowns.kernel_arguments(x), variances, N, t, chi2)
+    _point_blocks(
+        *columns(rays), ranges, origin, planes, *unknowns.kernel_arguments(x), variances, N, t, chi2
+    )
     lower = np.tril_indices(size, -1)
     N[:, lower[0], lower[1]] = N[:, lower[1], lower[0]]
     return Blocks(N, t, chi2, ranges[:, 1] - ranges[:, 0])
@@ -111,8 +127,23 @@ def point_blocks(
 
 @numba.njit(cache=True, parallel=True)
 def _point_blocks(
-    pose, ring, azimuth, elevation, rho, ranges, origin, planes,
-    R_l_b, dR_l_b, lever, offsets, ring_column, variances, N, t, chi2,
+    pose,
+    ring,
+    azimuth,
+    elevation,
+    rho,
+    ranges,
+    origin,
+    planes,
+    R_l_b,
+    dR_l_b,
+    lever,
+    offsets,
+    ring_column,
+    variances,
+    N,
+    t,
+    chi2,
 ):
     for g in numba.prange(len(planes)):
         obs, v, shifted = np.empty(9), np.empty(9), np.empty(9)
@@ -121,8 +152,24 @@ def _point_blocks(
         for i in range(ranges[g, 0], ranges[g, 1]):
             obs[:6] = pose[i]
             obs[6], obs[7], obs[8] = rho[i], azimuth[i], elevation[i]
-            w, s = _adjusted(obs, v, shifted, planes[g], origin[g], R_l_b, dR_l_b, lever, offsets[ring[i]], variances, p, J_x, J_l)
-            _design_row(planes[g], origin[g], p, J_x, ring_column[ring[i]], t.shape[1] - 4, row, where)
+            w, s = _adjusted(
+                obs,
+                v,
+                shifted,
+                planes[g],
+                origin[g],
+                R_l_b,
+                dR_l_b,
+                lever,
+                offsets[ring[i]],
+                variances,
+                p,
+                J_x,
+                J_l,
+            )
+            _design_row(
+                planes[g], origin[g], p, J_x, ring_column[ring[i]], t.shape[1] - 4, row, where
+            )
             _add(row, where, w, 1.0 / s, N[g], t[g])
             chi2[g] += w * w / s
 

@@ -4,35 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from paperrepro.adjustment.observability import Observability
 from paperrepro.survey import Mounting
-
-AXIS_WORDS = ("roll", "pitch", "yaw")
-
-
-@dataclass(frozen=True)
-class Observability:
-    """What the conditions alone determine of the boresight, and of the range offsets.
-
-    ``rank`` of 3, ``condition`` (largest over least information of a boresight direction),
-    ``weakest`` unit vector (3,) about body forward, right, down, ``weakest_sigma`` rad a priori,
-    ``offsets_determined``: range-offset directions in which the data outweigh the pseudo-observation.
-    """
-
-    rank: int
-    condition: float
-    weakest: np.ndarray
-    weakest_sigma: float
-    offsets_determined: int
-
-    def __str__(self) -> str:
-        main = int(np.argmax(np.abs(self.weakest)))
-        parts = ", ".join(
-            f"{axis} {part:+.2f}" for axis, part in zip(AXIS_WORDS, self.weakest, strict=True)
-        )
-        return (
-            f"rank {self.rank} of 3, condition {self.condition:.1f}; weakest direction: "
-            f"mostly {AXIS_WORDS[main]} ({parts})"
-        )
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,8 @@ from paperrepro.adjustment.faces import FaceStates, face_states
 from paperrepro.adjustment.gauss_helmert import Pseudo, Solution, solve_free, solve_reference
 from paperrepro.adjustment.matched import MatchedFaces, require_spread
 from paperrepro.adjustment.normals import Blocks, Unknowns, observation_variances, point_blocks
-from paperrepro.adjustment.result import CalibrationResult, Observability
+from paperrepro.adjustment.observability import Observability
+from paperrepro.adjustment.result import CalibrationResult
 from paperrepro.errors import BadInput, TooFewPlanes
 from paperrepro.survey import Survey
 
@@ -68,7 +69,7 @@ def _by_name(scenario: str | Scenario) -> Scenario:
     if isinstance(scenario, Scenario):
         return scenario
     if scenario not in SCENARIOS:
-        raise BadInput(f"scenario {scenario!r}: expected one of {', '.join(SCENARIOS)}")
+        raise BadInput(f"scenario {scenario!r}: expected one of {', '.join(SCENARIOS)}; name one of them")
     return SCENARIOS[scenario]
 
 
@@ -102,11 +103,15 @@ class _Model:
             layout = planes.centroid, matched.plane_ranges, faces, matched.plane
         else:
             if not len(matched.pairs):
-                raise TooFewPlanes(f"scenario {scenario.name}: expected pairs of faces, got none; match strips first")
+                raise TooFewPlanes(
+                    f"scenario {scenario.name}: expected pairs of faces, got none; match strips first"
+                )
             search = matched.pairs[:, 1]
             origin = planes.centroid[matched.plane[search]]
             layout = origin, matched.ranges[search], search, np.arange(len(search))
-        weight = np.r_[np.zeros(3), np.full(unknowns.size - 3, survey.scanner.range_offset_sigma**-2.0)]
+        weight = np.r_[
+            np.zeros(3), np.full(unknowns.size - 3, survey.scanner.range_offset_sigma**-2.0)
+        ]
         variances = observation_variances(survey.navigation, survey.scanner)
         pseudo = Pseudo(np.zeros(unknowns.size), weight)
         return cls(matched, scenario, unknowns, variances, *layout, pseudo, matched.mean_poses())
@@ -134,7 +139,15 @@ class _Model:
         parts = []
         if self.scenario.points:
             parts.append(
-                point_blocks(self.matched.rays, self.ranges, self.origin, planes, self.unknowns, x, self.variances)
+                point_blocks(
+                    self.matched.rays,
+                    self.ranges,
+                    self.origin,
+                    planes,
+                    self.unknowns,
+                    x,
+                    self.variances,
+                )
             )
         if self.scenario.centroids:
             parts.append(self._centroid_blocks(x, planes))
@@ -148,13 +161,15 @@ class _Model:
         s = eq5.centroid_variances(n, J_l[face], states.count[face], self.variances)
         if not self.scenario.free_planes:
             reference = self.matched.pairs[:, 0]
-            s = s + eq5.centroid_variances(n, J_l[reference], states.count[reference], self.variances)
+            s = s + eq5.centroid_variances(
+                n, J_l[reference], states.count[reference], self.variances
+            )
         return eq5.centroid_blocks(face, group, states, self.origin, planes, s)
 
 
 def _result(model: _Model, start: np.ndarray, solution: Solution) -> CalibrationResult:
     matched, x = model.matched, solution.x
-    sigma0 = float(np.sqrt(solution.chi2 / solution.dof)) if solution.dof > 0 else float("nan")
+    sigma0 = float(np.sqrt(solution.chi2 / solution.dof))
     after = model.faces(x, matched.plane_ranges)
     planes, Q_planes = _planes_in_map(model, solution, after)
     conditions = len(model.centroid_face) * model.scenario.centroids
@@ -176,11 +191,13 @@ def _result(model: _Model, start: np.ndarray, solution: Solution) -> Calibration
         rms_before=model.faces(start, matched.plane_ranges).rms,
         rms_after=after.rms,
         points_per_plane=after.count,
-        observability=_observability(solution, model.pseudo),
+        observability=Observability.of(solution.S_data, model.pseudo.weight),
     )
 
 
-def _planes_in_map(model: _Model, solution: Solution, after: FaceStates) -> tuple[np.ndarray, np.ndarray]:
+def _planes_in_map(
+    model: _Model, solution: Solution, after: FaceStates
+) -> tuple[np.ndarray, np.ndarray]:
     """Planes (G, 4) with d from the m-frame's origin, and cofactors (G, 4, 4).
 
     Where the scenario takes planes from reference strips, the common plane of all matched faces.
@@ -191,18 +208,3 @@ def _planes_in_map(model: _Model, solution: Solution, after: FaceStates) -> tupl
     to_map[:, 3, :3] = model.origin
     planes = np.einsum("gab,gb->ga", to_map, solution.planes)
     return planes, to_map @ solution.Q_planes @ to_map.transpose(0, 2, 1)
-
-
-def _observability(solution: Solution, pseudo: Pseudo) -> Observability:
-    S, weight = solution.S_data, pseudo.weight
-    angles, offsets = S[:3, :3], S[3:, 3:]
-    coupling = S[:3, 3:]
-    information = angles - coupling @ np.linalg.solve(offsets + np.diag(weight[3:]), coupling.T)
-    values, vectors = np.linalg.eigh((information + information.T) / 2)
-    data_only = np.linalg.eigvalsh(offsets - coupling.T @ np.linalg.solve(angles, coupling))
-    determined = int((data_only > weight[3:].max(initial=0.0)).sum()) if len(weight) > 3 else 0
-    rank = int((values > 1e-12 * values[-1]).sum())
-    weakest = vectors[:, 0] * np.sign(vectors[np.argmax(np.abs(vectors[:, 0])), 0])
-    return Observability(
-        rank, float(values[-1] / values[0]), weakest, float(1 / np.sqrt(max(values[0], 1e-300))), determined
-    )
