@@ -1,0 +1,118 @@
+"""Executing the notebooks: every table and figure from one command.
+
+Results are collected in a folder of their own and moved into place when all notebooks have run, so
+a run that fails leaves the earlier figures as they were.
+"""
+
+import logging
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import pandas as pd
+import papermill
+from papermill.exceptions import PapermillExecutionError
+from tqdm import tqdm
+
+from paperrepro.errors import BadInput, PaperReproError
+from paperrepro.tables import write_csv
+
+NOTEBOOKS = Path(__file__).resolve().parent.parent / "notebooks"
+EXECUTED = "executed"
+
+
+class NotebookFailed(PaperReproError):
+    """A notebook ended with an error."""
+
+
+def reproduce(out: Path, parameters: Mapping, only: tuple[str, ...] = ()) -> dict[str, float]:
+    """Run the notebooks (those whose names start with one of ``only``, or all) into ``out``.
+
+    Returns the seconds each took. Raises `BadInput` for a parameter that a notebook lacks, and
+    `NotebookFailed`, which names notebook, cell and error.
+    """
+    notebooks = _chosen(only)
+    for notebook in notebooks:
+        _require_parameters(notebook, parameters)
+    out.mkdir(parents=True, exist_ok=True)
+    staging = Path(tempfile.mkdtemp(prefix=".part-", dir=out))
+    try:
+        seconds = _run_all(notebooks, staging, {**parameters, "figures_dir": str(staging)})
+        _merge_rows(staging)
+        _move_into(staging, out)
+    except NotebookFailed:
+        _move_into(staging / EXECUTED, out / EXECUTED)
+        raise
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+    return seconds
+
+
+def _chosen(only: tuple[str, ...]) -> list[Path]:
+    notebooks = sorted(NOTEBOOKS.glob("[0-9][0-9]_*.ipynb"))
+    chosen = [path for path in notebooks if not only or path.name.startswith(only)]
+    if not chosen:
+        raise BadInput(
+            f"expected notebooks {', '.join(only) or '01_...'} in {NOTEBOOKS}, found none; "
+            "run from a clone of the repository"
+        )
+    return chosen
+
+
+def _require_parameters(notebook: Path, parameters: Mapping) -> None:
+    """papermill only warns about names it does not know."""
+    known = set(papermill.inspect_notebook(str(notebook))) | {"figures_dir"}
+    unknown = sorted(set(parameters) - known)
+    if unknown:
+        raise BadInput(
+            f"{notebook.name} has no parameter {', '.join(unknown)}; "
+            f"it has {', '.join(sorted(known))}"
+        )
+
+
+def _run_all(notebooks: list[Path], staging: Path, parameters: Mapping) -> dict[str, float]:
+    logging.getLogger("papermill").setLevel(logging.ERROR)
+    (staging / EXECUTED).mkdir()
+    seconds = {}
+    with tqdm(notebooks, unit="notebook") as bar:
+        for notebook in bar:
+            bar.set_description(notebook.stem)
+            start = time.perf_counter()
+            _run(notebook, staging / EXECUTED / notebook.name, parameters)
+            seconds[notebook.stem] = time.perf_counter() - start
+    return seconds
+
+
+def _run(notebook: Path, executed: Path, parameters: Mapping) -> None:
+    try:
+        papermill.execute_notebook(
+            str(notebook),
+            str(executed),
+            dict(parameters),
+            kernel_name="python3",
+            progress_bar=False,
+        )
+    except PapermillExecutionError as error:
+        raise NotebookFailed(
+            f"{notebook.name}, cell {error.cell_index}: {error.ename}: {error.evalue}; "
+            f"the notebook as far as it ran is in the folder {EXECUTED}"
+        ) from None
+
+
+def _merge_rows(folder: Path) -> None:
+    """One table of the rows that the notebooks wrote."""
+    parts = [pd.read_csv(path) for path in sorted((folder / "rows").glob("*.csv"))]
+    if parts:
+        write_csv(pd.concat(parts, ignore_index=True), folder, "rows")
+        shutil.rmtree(folder / "rows")
+
+
+def _move_into(source: Path, target: Path) -> None:
+    """Move every file, keeping folders; each replaces its namesake at once."""
+    for path in sorted(p for p in source.rglob("*") if p.is_file()):
+        place = target / path.relative_to(source)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        os.replace(path, place)
