@@ -1,0 +1,85 @@
+"""Pictures: one style, fixed colours, and files that come whole or not at all.
+
+Plot functions in the modules of this package take data and an `Axes` (a `Figure` where they fill
+several panels) and return it. Nothing else in `paperrepro` draws.
+"""
+
+import os
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pandas as pd
+from matplotlib.figure import Figure
+
+STYLE = Path(__file__).with_name("paperrepro.mplstyle")
+MM = 1 / 25.4
+WIDTH_MM = {"single": 88, "double": 180}
+
+#: Okabe and Ito's colours, told apart by colour-blind readers; one for each scenario, everywhere.
+SCENARIO_COLOURS = {
+    "before": "#8c8c8c",
+    "SL": "#0072b2",
+    "A": "#e69f00",
+    "B": "#cc79a7",
+    "C": "#009e73",
+    "D": "#d55e00",
+    "truth": "#000000",
+}
+SCENARIO_NAMES = {"before": "before", "SL": "[11] = SL", "truth": "true mounting"}
+
+STRIP_COLOURS = {
+    "F1": "#0072b2",
+    "F2": "#d55e00",
+    "F3": "#009e73",
+    "F4": "#e69f00",
+    "F5": "#56b4e9",
+    "F6": "#cc79a7",
+    "F7": "#5e3c99",
+    "F8": "#8c6d31",
+}
+#: Of the angles, components and axes that come in threes.
+AXIS_COLOURS = ("#0072b2", "#d55e00", "#009e73")
+GROUND, OBJECT, ACCENT = "#b9a684", "#56b4e9", "#d55e00"
+
+
+def use_style() -> None:
+    """Make the package's style that of all figures of this process."""
+    plt.style.use(STYLE)
+
+
+def canvas(width: str = "double", height_mm: float = 70, **subplots):
+    """``plt.subplots`` on a figure of journal width, ``single`` (88 mm) or ``double`` (180 mm)."""
+    return plt.subplots(figsize=(WIDTH_MM[width] * MM, height_mm * MM), **subplots)
+
+
+def scenario_name(scenario: str) -> str:
+    """What a reader of the paper calls it."""
+    return SCENARIO_NAMES.get(scenario, scenario)
+
+
+def save(
+    figure: Figure, folder: str | Path, name: str, data: pd.DataFrame | None = None
+) -> list[Path]:
+    """Write ``name`` as PNG and SVG, and ``data``, the plotted values, as CSV.
+
+    All files are written beside their places first, then moved there. An empty ``folder`` writes
+    nothing. The same figure gives the same bytes.
+    """
+    if not str(folder):
+        return []
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / f"{name}.{kind}" for kind in ("png", "svg", "csv")[: 2 + (data is not None)]]
+    parts = [path.with_name(f"{path.name}.part") for path in paths]
+    try:
+        with plt.rc_context({"svg.hashsalt": "paperrepro"}):
+            figure.savefig(parts[0], format="png", dpi=200)
+            figure.savefig(parts[1], format="svg", dpi=200, metadata={"Date": None})
+        if data is not None:
+            data.to_csv(parts[2], index=False, float_format="%.10g")
+        for part, path in zip(parts, paths, strict=True):
+            os.replace(part, path)
+    finally:
+        for part in parts:
+            part.unlink(missing_ok=True)
+    return paths

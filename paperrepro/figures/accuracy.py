@@ -1,0 +1,119 @@
+"""Fig. 7, 8 and 11: how far points and virtual points lie from where they should."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy import stats
+
+from paperrepro.figures import SCENARIO_COLOURS, scenario_name
+
+CM = 100.0
+
+
+def rmse_bars(ax: Axes, table: pd.DataFrame, floor_m: float) -> Axes:
+    """Fig. 7: a bar for each row of ``table`` (``scenario``, ``rmse_m``), its value on top.
+
+    ``floor_m`` is the RMSE under the true mounting: what no calibration can go below by much.
+    """
+    colours = [SCENARIO_COLOURS[name] for name in table.scenario]
+    bars = ax.bar(range(len(table)), CM * table.rmse_m, width=0.68, color=colours)
+    ax.bar_label(bars, fmt="%.1f", padding=2, fontsize=7.5)
+    ax.axhline(CM * floor_m, color=SCENARIO_COLOURS["truth"], lw=0.8, ls=(0, (4, 2)))
+    ax.annotate(
+        f"floor: true mounting, {CM * floor_m:.1f} cm",
+        (len(table) - 0.6, CM * floor_m),
+        (0, 22),
+        textcoords="offset points",
+        ha="right",
+        fontsize=7.5,
+        arrowprops={"arrowstyle": "-", "lw": 0.5},
+    )
+    ax.set_xticks(range(len(table)), [scenario_name(name) for name in table.scenario])
+    ax.set_ylabel("RMSE of point-to-plane distances (cm)")
+    ax.set_xlim(-0.6, len(table) - 0.4)
+    return ax
+
+
+def histogram_table(
+    distances: dict[str, np.ndarray], limit_m: float, width_m: float
+) -> pd.DataFrame:
+    """Densities (1/m) of point-to-plane distances in bins, and of the normal of equal mean and
+    sigma at the bins' middles: columns scenario, left_m, right_m, density, normal."""
+    edges = np.arange(-limit_m, limit_m + 0.5 * width_m, width_m)
+    tables = []
+    for name, values in distances.items():
+        count, _ = np.histogram(values, edges)
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        tables.append(
+            pd.DataFrame(
+                {
+                    "scenario": name,
+                    "left_m": edges[:-1],
+                    "right_m": edges[1:],
+                    "density": count / (len(values) * width_m),
+                    "normal": stats.norm(values.mean(), values.std()).pdf(middle),
+                }
+            )
+        )
+    return pd.concat(tables, ignore_index=True)
+
+
+def histogram(ax: Axes, table: pd.DataFrame, scenario: str) -> Axes:
+    """Fig. 8: one scenario of `histogram_table`, with its normal curve."""
+    rows = table[table.scenario == scenario]
+    edges = CM * np.append(rows.left_m, rows.right_m.iloc[-1])
+    ax.stairs(rows.density / CM, edges, fill=True, color=SCENARIO_COLOURS[scenario], alpha=0.55)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    ax.plot(middle, rows.normal / CM, color="black", lw=0.9)
+    ax.axvline(0.0, color="#4d4d4d", lw=0.5)
+    ax.set_xlim(edges[0], edges[-1])
+    ax.set_ylim(bottom=0)
+    ax.set_xlabel("point-to-plane distance (cm)")
+    return ax
+
+
+def histograms(
+    figure: Figure, axes, after: pd.DataFrame, before: pd.DataFrame, words: dict[str, str]
+) -> Figure:
+    """Fig. 8: a panel for each scenario of ``after``, that of ``before`` as an inset in each.
+
+    ``words`` go under the panels' titles.
+    """
+    for ax, (letter, name) in zip(axes, zip("abc", after.scenario.unique(), strict=True), strict=True):
+        histogram(ax, after, name)
+        ax.set_title(f"({letter}) {scenario_name(name)}\n{words[name]}")
+        inset = ax.inset_axes([0.70, 0.62, 0.30, 0.34])
+        histogram(inset, before, "before")
+        inset.set(xlabel="", yticks=[])
+        inset.set_title("before", fontsize=6.5, loc="center", pad=2)
+        inset.spines["left"].set_visible(False)
+        inset.tick_params(labelsize=6.5)
+    axes[0].set_ylabel("density (1/cm)")
+    return figure
+
+
+def offset_strips(ax: Axes, table: pd.DataFrame, bounds_m: dict[str, float]) -> Axes:
+    """Fig. 11: absolute vertical offsets at the virtual points, a column of dots for each step.
+
+    ``table`` has ``step``, ``scenario`` (for the colour) and ``offset_m``, one row per virtual
+    point; the bar is the mean, the number the largest. ``bounds_m`` are drawn as lines.
+    """
+    steps = list(dict.fromkeys(table.step))
+    for x, step in enumerate(steps):
+        rows = table[table.step == step]
+        value = CM * rows.offset_m.abs().to_numpy()
+        jitter = 0.28 * np.linspace(-1, 1, len(value))
+        colour = SCENARIO_COLOURS[rows.scenario.iloc[0]]
+        ax.plot(x + jitter, value, "o", ms=2.2, mew=0, color=colour, alpha=0.8)
+        ax.plot([x - 0.34, x + 0.34], [value.mean()] * 2, color="black", lw=1.1)
+        ax.annotate(f"{value.max():.0f}", (x, value.max()), (0, 3), textcoords="offset points",
+                    ha="center", fontsize=7)  # fmt: skip
+    for words, bound in bounds_m.items():
+        ax.axhline(CM * bound, color="#4d4d4d", lw=0.7, ls=(0, (4, 2)))
+        ax.text(len(steps) - 0.45, CM * bound, words, ha="right", va="bottom", fontsize=7)
+    ax.set_xticks(range(len(steps)), steps)
+    ax.set_xlim(-0.55, len(steps) - 0.45)
+    ax.set_ylim(bottom=0)
+    ax.set_ylabel("absolute vertical offset (cm)")
+    return ax

@@ -1,0 +1,59 @@
+"""What an adjustment says: angles with their sigmas, range offsets, correlations."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from paperrepro.figures import SCENARIO_COLOURS, scenario_name
+
+ANGLE_NAMES = {"omega": "Δω (roll)", "phi": "Δφ (pitch)", "kappa": "Δκ (yaw)"}
+
+
+def angle_errors(ax: Axes, table: pd.DataFrame) -> Axes:
+    """Error of each angle, estimate minus truth, with bars of one and of two sigma.
+
+    ``table`` as `tables.table4` makes it.
+    """
+    scenarios = list(dict.fromkeys(table.scenario))
+    step = 0.8 / len(scenarios)
+    for k, name in enumerate(scenarios):
+        rows = table[table.scenario == name]
+        x = np.arange(len(rows)) + (k - (len(scenarios) - 1) / 2) * step
+        colour = SCENARIO_COLOURS[name]
+        ax.errorbar(x, rows.error_deg, 2 * rows.sigma_deg, fmt="none", ecolor=colour, elinewidth=1)
+        ax.errorbar(x, rows.error_deg, rows.sigma_deg, fmt="o", color=colour, elinewidth=3,
+                    label=scenario_name(name))  # fmt: skip
+    ax.axhline(0.0, color=SCENARIO_COLOURS["truth"], lw=0.7)
+    angles = list(dict.fromkeys(table.angle))
+    ax.set_xticks(range(len(angles)), [ANGLE_NAMES[angle] for angle in angles])
+    ax.set_ylabel("estimate − truth (°)")
+    ax.legend(ncols=2)
+    return ax
+
+
+def range_offsets(ax: Axes, table: pd.DataFrame) -> Axes:
+    """Range offset of each ring: ``table`` has ``ring``, ``scenario``, ``offset_m``, ``sigma_m``
+    (NaN for the truth)."""
+    for k, (name, rows) in enumerate(table.groupby("scenario", sort=False)):
+        colour, shift = SCENARIO_COLOURS[name], 0.16 * (k - 1)
+        if rows.sigma_m.isna().all():
+            ax.plot(rows.ring, 100 * rows.offset_m, "_", color=colour, ms=9, mew=1.5, label="truth")
+        else:
+            ax.errorbar(rows.ring + shift, 100 * rows.offset_m, 200 * rows.sigma_m, fmt="o", ms=3,
+                        color=colour, elinewidth=0.8, label=f"{scenario_name(name)} ± 2σ")  # fmt: skip
+    ax.axhline(0.0, color="#4d4d4d", lw=0.5)
+    ax.set_xlabel("ring (0 looks 10° back, 15 looks 10° ahead)")
+    ax.set_ylabel("range offset Δρ (cm)")
+    ax.set_xticks(range(0, 16, 3))
+    return ax
+
+
+def correlation_matrix(ax: Axes, correlation: np.ndarray, labels: list[str]) -> Axes:
+    """Correlations (u, u) between the unknowns, blue negative, red positive."""
+    image = ax.imshow(correlation, cmap="RdBu_r", vmin=-1, vmax=1)
+    ax.set_xticks(range(len(labels)), labels, rotation=90, fontsize=6.5)
+    ax.set_yticks(range(len(labels)), labels, fontsize=6.5)
+    ax.tick_params(length=0)
+    ax.spines[:].set_visible(False)
+    ax.figure.colorbar(image, ax=ax, label="correlation", shrink=0.85)
+    return ax
