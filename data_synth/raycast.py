@@ -5,9 +5,10 @@ precision from that triangle's plane. Written without the method's LiDAR equatio
 are built from heading, pitch and roll, so that a wrong sign on either side shows.
 """
 
+import os
+
 import numba
 import numpy as np
-import open3d as o3d
 
 from data_synth.scene import Scene
 
@@ -15,10 +16,20 @@ from data_synth.scene import Scene
 BATCH = 1_000_000
 
 
+def _open3d():
+    """The library, loaded at the first ray: that takes a second or two, and a cached survey needs
+    none. Without the variable it would start a web server in a notebook, and say so."""
+    os.environ.setdefault("OPEN3D_DISABLE_WEB_VISUALIZER", "true")
+    import open3d
+
+    return open3d
+
+
 class Raycaster:
     """A scene made ready for casting."""
 
     def __init__(self, scene: Scene):
+        o3d = _open3d()
         self._planes = scene.planes
         self._scene = o3d.t.geometry.RaycastingScene()
         self._scene.add_triangles(
@@ -31,6 +42,7 @@ class Raycaster:
 
         ``origin`` (N, 3) m and ``direction`` (N, 3) unit, m-frame.
         """
+        o3d = _open3d()
         distance, triangle = np.empty(len(origin)), np.empty(len(origin), dtype=np.int32)
         for start in range(0, len(origin), BATCH):
             part = slice(start, start + BATCH)
