@@ -127,8 +127,10 @@ def _mutual_best(score: np.ndarray, distinct: float) -> list[tuple[int, int]]:
     return [
         (i, j)
         for i, j in np.argwhere(np.isfinite(score)).tolist()
-        if score[i, j] * distinct <= min(
-            np.delete(score[i], j).min(initial=np.inf), np.delete(score[:, j], i).min(initial=np.inf)
+        if score[i, j] * distinct
+        <= min(
+            np.delete(score[i], j).min(initial=np.inf),
+            np.delete(score[:, j], i).min(initial=np.inf),
         )
     ]
 
@@ -143,9 +145,9 @@ class _Candidate:
     def score(self, params: MatchParameters) -> float:
         """0 for the same place and normals, up to sqrt(2)."""
         worst = max(inclination for _, _, inclination in self.faces)
-        return float(np.hypot(
-            self.distance / params.distance_m, worst / np.radians(params.inclination_deg)
-        ))
+        return float(
+            np.hypot(self.distance / params.distance_m, worst / np.radians(params.inclination_deg))
+        )
 
 
 def _compare(ours: Roofs, g: Gable, theirs: Roofs, h: Gable, params) -> _Candidate | None:
@@ -154,8 +156,10 @@ def _compare(ours: Roofs, g: Gable, theirs: Roofs, h: Gable, params) -> _Candida
     if distance > params.distance_m:
         return None
     faces = min(
-        (_paired(ours, theirs, (g.left, a), (g.right, b)) for a, b in
-         ((h.left, h.right), (h.right, h.left))),
+        (
+            _paired(ours, theirs, (g.left, a), (g.right, b))
+            for a, b in ((h.left, h.right), (h.right, h.left))
+        ),
         key=lambda pairs: max(inclination for _, _, inclination in pairs),
     )
     if max(inclination for _, _, inclination in faces) > np.radians(params.inclination_deg):

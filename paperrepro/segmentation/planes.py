@@ -54,10 +54,10 @@ class GrowingParameters:
     tolerance of RANSAC. ``neighbours`` reach about one metre in a cloud thinned to 0.5 m.
     """
 
-    neighbours: int = 16
+    neighbours: int = 10
     angle_deg: float = 3.0
     residual_m: float = 0.10
-    size: tuple[int, int] = (40, 500)
+    size: tuple[int, int] = (40, 1000)
     max_gap_m: float = 4.0
 
 
