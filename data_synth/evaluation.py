@@ -3,7 +3,7 @@
 Takes plain arrays, so that nothing here depends on the method.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,3 +44,77 @@ def true_planes(truth: Truth, label: np.ndarray) -> np.ndarray:
     """Planes (G, 4) as (n, d) of the faces ``label`` (G,), NaN rows for -1."""
     planes = {face.id: [*face.normal, face.d] for face in truth.faces}
     return np.array([planes.get(int(number), [np.nan] * 4) for number in label]).reshape(-1, 4)
+
+
+def angles_between(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Angles (G,) rad between unit vectors (G, 3)."""
+    sine = np.linalg.norm(np.cross(one, other), axis=1)
+    return np.arctan2(sine, np.einsum("ga,ga->g", one, other))
+
+
+def faces_in_strip(
+    p_m: np.ndarray, label: np.ndarray, truth: Truth, share: float = 0.5, cell_m: float = 1.0
+) -> np.ndarray:
+    """Ids of the gable faces that lie in a strip: it covers ``share`` of their plan area.
+
+    p_m : (N, 3) m, true places of the strip's points; label : (N,) the face that each lies on. The
+    area is counted in cells, so it depends neither on the density nor on the distance.
+    """
+    on_face = label >= 0
+    cell = np.floor(p_m[on_face, :2] / cell_m).astype(np.int64)
+    occupied = np.unique(np.column_stack([label[on_face], cell]), axis=0)[:, 0]
+    covered = cell_m**2 * np.bincount(occupied, minlength=max(f.id for f in truth.faces) + 1)
+    return np.array(
+        [f.id for f in truth.faces if covered[f.id] >= share * f.area * f.normal[2]], dtype=int
+    )
+
+
+@dataclass(frozen=True)
+class Recall:
+    """Gable faces that could be found, ``expected`` ids, and those of them that were, ``found``."""
+
+    expected: np.ndarray
+    found: np.ndarray
+
+    @property
+    def share(self) -> float:
+        """0-1."""
+        return len(self.found) / len(self.expected)
+
+    @property
+    def missed(self) -> np.ndarray:
+        """Ids."""
+        return np.setdiff1d(self.expected, self.found)
+
+
+def recall(
+    truth: Truth,
+    in_strips: Iterable[np.ndarray],
+    found: np.ndarray,
+    least_area: float = 20.0,
+    least_strips: int = 1,
+) -> Recall:
+    """`Recall` of the faces of at least ``least_area`` m² that lie in ``least_strips`` or more.
+
+    in_strips : ids of `faces_in_strip`, one array a strip; found : ids of the faces found.
+    """
+    ids, strips = np.unique(np.concatenate(list(in_strips)), return_counts=True)
+    large = [face.id for face in truth.faces if face.area >= least_area]
+    expected = np.intersect1d(ids[strips >= least_strips], large)
+    return Recall(expected, np.intersect1d(expected, found))
+
+
+def trajectory_error(survey: Survey, truth: Truth) -> np.ndarray:
+    """(M, 6) m and rad: the reported pose minus the true one, east to heading."""
+    turn = survey.trajectory.attitude - truth.trajectory.attitude
+    turn = np.remainder(turn + np.pi, 2 * np.pi) - np.pi
+    return np.column_stack([survey.trajectory.position - truth.trajectory.position, turn])
+
+
+def overlap_of_points(p_m: np.ndarray, q_m: np.ndarray, cell_m: float = 2.0) -> float:
+    """Share, 0-1, of the cells with points of p_m (N, 3) that hold points of q_m (M, 3) too."""
+    ours, theirs = (
+        {tuple(cell) for cell in np.unique(np.floor(points[:, :2] / cell_m).astype(int), axis=0)}
+        for points in (p_m, q_m)
+    )
+    return len(ours & theirs) / len(ours)
