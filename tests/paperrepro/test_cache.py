@@ -1,0 +1,145 @@
+"""The cache: computed once, whole or not at all, recognised by configuration and code."""
+
+import multiprocessing
+import os
+import time
+
+import numpy as np
+import pytest
+
+from data_synth import make_config, simulate
+from paperrepro import cache
+from paperrepro.cache import cached, code_version
+from paperrepro.survey import Trajectory
+
+CALLS = "calls.log"
+
+
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("PAPERREPRO_CACHE", str(tmp_path / "cache"))
+    return tmp_path
+
+
+def slow_square(values, folder):
+    """Leaves a line for each time it really ran."""
+    with open(os.path.join(folder, CALLS), "a") as log:
+        log.write("ran\n")
+    time.sleep(0.3)
+    return values**2
+
+
+def trajectory_of(length):
+    return Trajectory(np.arange(length, dtype=float), np.zeros((length, 3)), np.zeros((length, 3)))
+
+
+def duration(trajectory, folder):
+    slow_square(trajectory.time, folder)
+    return float(np.ptp(trajectory.time))
+
+
+def failing(folder):
+    slow_square(np.ones(2), folder)
+    raise RuntimeError("half way")
+
+
+def runs(folder) -> int:
+    log = folder / CALLS
+    return len(log.read_text().split()) if log.exists() else 0
+
+
+def test_computes_once_and_again_for_other_arguments(own_folder):
+    values = np.arange(5.0)
+    first = cached(slow_square, values, str(own_folder))
+    second = cached(slow_square, values, str(own_folder))
+    assert runs(own_folder) == 1
+    np.testing.assert_array_equal(first, second)
+    cached(slow_square, values + 1, str(own_folder))
+    assert runs(own_folder) == 2
+
+
+def test_a_cached_argument_stands_for_its_key(own_folder):
+    trajectory = cached(trajectory_of, 4)
+    again = cached(trajectory_of, 4)
+    assert cached(duration, trajectory, str(own_folder)) == 3.0
+    assert cached(duration, again, str(own_folder)) == 3.0
+    assert runs(own_folder) == 1
+    assert cached(duration, cached(trajectory_of, 6), str(own_folder)) == 5.0
+    assert runs(own_folder) == 2
+
+
+def test_what_was_loaded_can_be_written_to_without_spoiling_the_entry(own_folder):
+    loaded = cached(slow_square, np.arange(5.0), str(own_folder))
+    loaded[:] = -1
+    np.testing.assert_array_equal(
+        cached(slow_square, np.arange(5.0), str(own_folder)), np.arange(5.0) ** 2
+    )
+
+
+def _ask(folder):
+    cached(slow_square, np.arange(3.0), folder)
+
+
+def test_two_processes_that_ask_at_once_compute_once(own_folder):
+    context = multiprocessing.get_context("spawn")
+    processes = [context.Process(target=_ask, args=(str(own_folder),)) for _ in range(2)]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join()
+    assert [process.exitcode for process in processes] == [0, 0]
+    assert runs(own_folder) == 1
+
+
+def test_a_stage_that_fails_leaves_no_entry(own_folder):
+    for expected in (1, 2):
+        with pytest.raises(RuntimeError, match="half way"):
+            cached(failing, str(own_folder))
+        assert runs(own_folder) == expected
+    assert not list((own_folder / "cache").rglob("*.joblib"))
+    assert not list((own_folder / "cache").rglob("*.part"))
+
+
+def test_code_version_follows_imports(tmp_path, monkeypatch):
+    package = tmp_path / "data_synth_like"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "top.py").write_text("from data_synth_like import deep\n")
+    (package / "deep.py").write_text("VALUE = 1\n")
+    (package / "apart.py").write_text("VALUE = 1\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(cache, "PACKAGES", ("data_synth_like",))
+    versions = []
+    for name, text in (("deep", "VALUE = 1\n"), ("deep", "VALUE = 2\n"), ("apart", "VALUE = 2\n")):
+        (package / f"{name}.py").write_text(text)
+        code_version.cache_clear()
+        versions.append(code_version("data_synth_like.top"))
+    code_version.cache_clear()
+    assert versions[0] != versions[1]
+    assert versions[1] == versions[2]
+
+
+def test_the_simulator_is_keyed_by_frames_but_not_by_the_method():
+    def reached(module):
+        seen, waiting = set(), [module]
+        while waiting:
+            name = waiting.pop()
+            spec = cache.importlib.util.find_spec(name)
+            if name not in seen and spec and spec.origin:
+                seen.add(name)
+                waiting += list(cache._imports(cache.Path(spec.origin).read_bytes()))
+        return seen
+
+    modules = reached(simulate.__module__)
+    assert "paperrepro.frames" in modules
+    assert "data_synth.raycast" in modules
+    assert "paperrepro.adjustment.scenarios" not in modules
+
+
+def test_a_survey_survives_the_cache():
+    config = make_config(seed=3)
+    fresh, _ = simulate(config)
+    kept, truth = cached(simulate, config)
+    for one, other in zip(fresh.strips, kept.strips, strict=True):
+        np.testing.assert_array_equal(one.rho, other.rho)
+    assert len(truth.labels) == len(kept.strips)
