@@ -1,72 +1,126 @@
-"""Points that a test puts on known planes: faces, their rays and matches, no segmentation involved."""
+"""Points that a test puts on known planes: faces, rays and matches, no segmentation involved."""
+
+from dataclasses import replace
 
 import numpy as np
 
 from paperrepro.adjustment.matched import MatchedFaces
+from paperrepro.adjustment.normals import observation_variances
 from paperrepro.georeference import georeference
 from paperrepro.survey import Mounting, Navigation, Rays, Scanner, Survey, Trajectory
 
 SCANNER = Scanner("test", np.deg2rad(np.linspace(-10, 10, 16)), 0.02, np.deg2rad(0.01))
-NAVIGATION = Navigation("test", np.array([0.02, 0.02, 0.04]), np.deg2rad([0.025, 0.025, 0.08]), 30.0)
+NAVIGATION = Navigation(
+    "test", np.array([0.02, 0.02, 0.04]), np.deg2rad([0.025, 0.025, 0.08]), 30.0
+)
 LEVER_ARM = np.array([0.10, -0.02, 0.15])
 HEADINGS_DEG = (0.0, 180.0, 90.0, 270.0)
+BORESIGHT_DEG = (1.1, -0.8, 1.3)
 
 
 def gable_planes(rng, n_roofs=6):
     """Planes (2 n_roofs, 4) of gables of varied azimuth and pitch within 25 m of the origin."""
-    azimuth = np.repeat(np.linspace(0, np.pi, n_roofs, endpoint=False), 2) + np.tile([0, np.pi], n_roofs)
+    azimuth = np.linspace(0, np.pi, n_roofs, endpoint=False)
+    azimuth = np.repeat(azimuth, 2) + np.tile([0, np.pi], n_roofs)
     pitch = np.repeat(np.deg2rad(rng.uniform(18, 33, n_roofs)), 2)
-    n = np.column_stack([np.sin(pitch) * np.sin(azimuth), np.sin(pitch) * np.cos(azimuth), np.cos(pitch)])
-    centre = np.repeat(rng.uniform([-20, -20, 3], [20, 20, 6], (n_roofs, 3)), 2, axis=0) + 2 * n * [1, 1, 0]
+    level = np.column_stack([np.sin(azimuth), np.cos(azimuth)])
+    n = np.column_stack([np.sin(pitch)[:, None] * level, np.cos(pitch)])
+    centre = np.repeat(rng.uniform([-20, -20, 3], [20, 20, 6], (n_roofs, 3)), 2, axis=0)
+    centre += 2 * n * [1, 1, 0]
     return np.column_stack([n, np.einsum("ga,ga->g", n, centre)]), centre
 
 
-def rays_on_plane(rng, plane, centre, heading_deg, mounting, count, line_offset=8.0):
-    """Rays (count) from a line of that heading, 30 m up, whose true points lie on ``plane`` near ``centre``."""
+def rays_on_plane(rng, plane, centre, heading_deg, mounting, count, line_offset=8.0, gusts=True):
+    """Rays (count) from a line of that heading, 30 m up, that end on ``plane`` near ``centre``.
+
+    They do so under ``mounting``, the true one. Without ``gusts`` the line is straight and level.
+    """
     heading = np.deg2rad(heading_deg)
     ahead = np.array([np.sin(heading), np.cos(heading)])
     aside = np.array([ahead[1], -ahead[0]])
     target = centre[:2] + rng.uniform(-3, 3, (count, 2))
-    ring = rng.integers(0, 16, count)
+    ring = rng.integers(0, SCANNER.n_rings, count)
     elevation = SCANNER.beam_elevations[ring]
     along = target @ ahead - 27 * np.tan(elevation)
-    attitude = np.column_stack([rng.normal(0, 0.03, (count, 2)), heading + rng.normal(0, 0.03, count)])
+    motion = rng.normal(0, [0.2, 0.03, 0.03, 0.03], (count, 4)) * gusts
     position = along[:, None] * ahead + line_offset * aside
-    pose = np.column_stack([position, 30 + rng.normal(0, 0.2, count), attitude])
+    mean = np.array([30, 0, 0, heading])
+    pose = np.column_stack([position, mean + motion])
     across = (target - position) @ aside
-    azimuth = -np.arctan2(across, 27.0) + attitude[:, 0]
-    rays = Rays(pose, ring, azimuth, elevation, np.zeros(count))
-    return _with_ranges(rays, plane, mounting)
+    azimuth = -np.arctan2(across, 27.0) + pose[:, 3]
+    return _reaching(plane, Rays(pose, ring, azimuth, elevation, np.zeros(count)), mounting)
 
 
-def _with_ranges(rays, plane, mounting):
-    def at(rho):
-        moved = Rays(*rays._columns()[:4], np.full(len(rays), rho) - mounting.offsets(16)[rays.ring])
-        return georeference(moved, mounting)
-
-    start = at(0.0)
-    step = at(1.0) - start
+def _reaching(plane, rays, mounting):
+    """``rays`` with the measured range that puts each on ``plane`` under ``mounting``."""
+    offset = mounting.offsets(SCANNER.n_rings)[rays.ring]
+    start = georeference(replace(rays, rho=-offset), mounting)
+    step = georeference(replace(rays, rho=1.0 - offset), mounting) - start
     rho = (plane[3] - start @ plane[:3]) / (step @ plane[:3])
-    return Rays(*rays._columns()[:4], rho - mounting.offsets(16)[rays.ring])
+    return replace(rays, rho=rho - offset)
 
 
-def survey_of(start=None):
+def survey_of(start=None, scanner=SCANNER, navigation=NAVIGATION):
     """A `Survey` without strips, holding specifications and the start of the mounting."""
     trajectory = Trajectory(np.array([0.0, 1.0]), np.zeros((2, 3)), np.zeros((2, 3)))
     mounting = Mounting(lever_arm=LEVER_ARM) if start is None else start
-    return Survey((), trajectory, mounting, SCANNER, NAVIGATION)
+    return Survey((), trajectory, mounting, scanner, navigation)
 
 
-def matched_faces(seed=0, boresight_deg=(1.1, -0.8, 1.3), offsets=None, count=120, n_roofs=6, headings=HEADINGS_DEG):
-    """`MatchedFaces` without noise, and the true `Mounting` and planes."""
+def matched_faces(
+    seed=0, boresight_deg=BORESIGHT_DEG, offsets=None, count=120, n_roofs=6,
+    headings=HEADINGS_DEG, gusts=True,
+):  # fmt: skip
+    """`MatchedFaces` without noise, and the true `Mounting` and planes (2 n_roofs, 4)."""
     rng = np.random.default_rng(seed)
-    truth = Mounting(lever_arm=LEVER_ARM, boresight=np.deg2rad(boresight_deg), range_offsets=offsets)
+    truth = Mounting(
+        lever_arm=LEVER_ARM, boresight=np.deg2rad(boresight_deg), range_offsets=offsets
+    )
     planes, centres = gable_planes(rng, n_roofs)
-    faces, strips, tie = [], [], []
+    faces, strips, ties = [], [], []
     for plane, centre in zip(planes, centres, strict=True):
-        tie.append(list(range(len(faces), len(faces) + len(headings))))
+        ties.append(list(range(len(faces), len(faces) + len(headings))))
         for k, heading in enumerate(headings):
-            faces.append(rays_on_plane(rng, plane, centre, heading, truth, count, line_offset=(-1) ** k * 8.0))
+            side = (-1) ** k * 8.0
+            faces.append(rays_on_plane(rng, plane, centre, heading, truth, count, side, gusts))
             strips.append(f"F{k + 1}")
-    pairs = [(a, b) for members in tie for i, a in enumerate(members) for b in members[i + 1 :]]
-    return MatchedFaces.build(faces, strips, tie, pairs), truth, planes
+    pairs = [(a, b) for tie in ties for i, a in enumerate(tie) for b in tie[i + 1 :]]
+    return MatchedFaces.build(faces, strips, ties, pairs), truth, planes
+
+
+def with_noise(matched, rng, scale=1.0):
+    """``matched`` with white noise of ``scale`` times the specification on all observations."""
+    sigma = scale * np.sqrt(observation_variances(NAVIGATION, SCANNER))
+    rays, e = matched.rays, sigma * rng.standard_normal((len(matched.rays), 9))
+    return replace(
+        matched,
+        rays=Rays(
+            rays.pose + e[:, :6],
+            rays.ring,
+            rays.azimuth + e[:, 7],
+            rays.elevation + e[:, 8],
+            rays.rho + e[:, 6],
+        ),
+    )
+
+
+def with_offsets(matched, offsets):
+    """``matched`` as a scanner of these range offsets (rings,) m, so far zero, would measure it."""
+    rho = matched.rays.rho - np.asarray(offsets)[matched.rays.ring]
+    return replace(matched, rays=replace(matched.rays, rho=rho))
+
+
+def scaled(k):
+    """Specifications whose standard deviations are all ``k`` times those of the test's own."""
+    scanner = replace(
+        SCANNER,
+        range_sigma=k * SCANNER.range_sigma,
+        angle_sigma=k * SCANNER.angle_sigma,
+        range_offset_sigma=k * SCANNER.range_offset_sigma,
+    )
+    navigation = replace(
+        NAVIGATION,
+        position_sigma=k * NAVIGATION.position_sigma,
+        attitude_sigma=k * NAVIGATION.attitude_sigma,
+    )
+    return {"scanner": scanner, "navigation": navigation}
