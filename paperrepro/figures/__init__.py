@@ -47,9 +47,13 @@ def use_style() -> None:
     plt.style.use(STYLE)
 
 
-def canvas(width: str = "double", height_mm: float = 70, **subplots):
-    """``plt.subplots`` on a figure of journal width, ``single`` (88 mm) or ``double`` (180 mm)."""
-    return plt.subplots(figsize=(WIDTH_MM[width] * MM, height_mm * MM), **subplots)
+def canvas(width: str = "double", height_mm: float = 70, mosaic: str | None = None, **subplots):
+    """``plt.subplots``, or ``plt.subplot_mosaic`` if ``mosaic`` is given, on a figure of journal
+    width: ``single`` (88 mm) or ``double`` (180 mm)."""
+    size = (WIDTH_MM[width] * MM, height_mm * MM)
+    if mosaic is not None:
+        return plt.subplot_mosaic(mosaic, figsize=size, **subplots)
+    return plt.subplots(figsize=size, **subplots)
 
 
 def scenario_name(scenario: str) -> str:

@@ -1,0 +1,87 @@
+"""The LiDAR equation: what angles do to a point, and what a wrong boresight does to a roof."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from paperrepro.figures import SCENARIO_COLOURS
+
+RANGE_COLOURS = {30.0: "#0072b2", 45.0: "#009e73", 60.0: "#d55e00"}
+#: Of an error budget's entries: colour and marker by what they are.
+BUDGET_KINDS = {
+    "noise of the sensors": ("#4d4d4d", "s"),
+    "boresight of Table 4": ("#e69f00", "o"),
+    "boresight of the presets": ("#d55e00", "D"),
+}
+
+
+def small_angle(ax: Axes, table: pd.DataFrame) -> Axes:
+    """Error of the small-angle form: ``table`` has ``angle_deg``, ``range_m``, ``error_m``."""
+    for range_m, rows in table.groupby("range_m"):
+        ax.plot(rows.angle_deg, 100 * rows.error_m, color=RANGE_COLOURS[range_m])
+        last = rows.iloc[-1]
+        ax.annotate(f"{range_m:.0f} m", (last.angle_deg, 100 * last.error_m), (3, -2),
+                    textcoords="offset points", color=RANGE_COLOURS[range_m])  # fmt: skip
+    ax.set(xlabel="boresight angle about one axis (°)", ylabel="displacement (cm)")
+    ax.set_xlim(0, 1.12 * table.angle_deg.max())
+    ax.set_ylim(bottom=0)
+    ax.grid(True)
+    return ax
+
+
+def budget(ax: Axes, table: pd.DataFrame, accuracy_m: float) -> Axes:
+    """What moves a point by how much: ``table`` has ``source``, ``kind`` (of `BUDGET_KINDS`) and
+    ``displacement_m``; ``accuracy_m`` is the scanner's stated accuracy, a line."""
+    table = table.iloc[::-1].reset_index(drop=True)
+    for kind, (colour, marker) in BUDGET_KINDS.items():
+        rows = table[table.kind == kind]
+        ax.hlines(rows.index, 1e-3, 100 * rows.displacement_m, color=colour, lw=0.7)
+        ax.plot(100 * rows.displacement_m, rows.index, marker, color=colour, label=kind)
+    for y, row in table.iterrows():
+        ax.annotate(f"{100 * row.displacement_m:.2g}", (100 * row.displacement_m, y), (6, 0),
+                    textcoords="offset points", va="center", fontsize=7,
+                    bbox={"fc": "white", "ec": "none", "pad": 0.5})  # fmt: skip
+    ax.axvline(100 * accuracy_m, color="black", lw=0.8, ls=(0, (4, 2)), zorder=1)
+    ax.set_yticks(range(len(table)), table.source)
+    ax.set_xscale("log")
+    ax.set_xlim(30 * table.displacement_m.min(), 300 * table.displacement_m.max())
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.set_xlabel("displacement of a point 30 m away (cm)")
+    ax.figure.legend(loc="outside lower center", ncols=3)
+    return ax
+
+
+def thick_roof(figure: Figure, axes: dict, table: pd.DataFrame, names: dict[str, str]) -> Figure:
+    """One roof in one strip under two mountings; ``axes`` a, b (profiles) and c.
+
+    ``table`` has ``mounting``, ``elevation_deg``, ``across_m``, ``up_m`` and ``distance_m`` from
+    the true plane of one face (NaN for other points); ``names`` are the panels' titles. In c, the
+    mean distance of each beam, from that of the face.
+    """
+    low, high = table.elevation_deg.min(), table.elevation_deg.max()
+    colours = [SCENARIO_COLOURS["before"], SCENARIO_COLOURS["truth"]]
+    for letter, (mounting, words), colour in zip("ab", names.items(), colours, strict=True):
+        rows, ax = table[table.mounting == mounting], axes[letter]
+        dots = ax.scatter(rows.across_m, rows.up_m, c=rows.elevation_deg, s=5, lw=0, vmin=low,
+                          vmax=high, rasterized=True)  # fmt: skip
+        ax.set_title(f"({letter}) {words}")
+        ax.set(ylabel="up (m)", aspect="equal")
+        face = rows[rows.distance_m.notna()]
+        mean = face.groupby("elevation_deg").distance_m.mean() - face.distance_m.mean()
+        axes["c"].plot(mean.index, 100 * mean, "o-", ms=3, color=colour, label=words)
+    axes["a"].tick_params(labelbottom=False)
+    axes["b"].set_xlabel("across the ridge (m)")
+    figure.colorbar(dots, ax=[axes["a"], axes["b"]], label="beam elevation (°)", shrink=0.8)
+    axes["c"].axhline(0, color="#4d4d4d", lw=0.5)
+    axes["c"].set_title("(c) one face, beam by beam")
+    axes["c"].set(xlabel="beam elevation (°)", ylabel="mean distance, from the face's (cm)")
+    axes["c"].margins(y=0.2)
+    axes["c"].legend()
+    return figure
+
+
+def ring_spread(distance_m: np.ndarray, ring: np.ndarray) -> float:
+    """Largest minus least of the rings' mean distances, m."""
+    mean = pd.Series(distance_m).groupby(np.asarray(ring)).mean()
+    return float(mean.max() - mean.min())
