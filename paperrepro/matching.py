@@ -46,7 +46,7 @@ class MatchParameters:
 
 @dataclass(frozen=True)
 class FacePair:
-    """One face in two strips; ``distance`` m between the gables, ``inclination`` rad of the normals."""
+    """One face in two strips; ``distance`` m of the gables, ``inclination`` rad of the normals."""
 
     reference: FaceKey
     search: FaceKey
@@ -75,14 +75,15 @@ def match(roofs_by_strip: dict[str, Roofs], params: MatchParameters) -> Matches:
         for reference, search in combinations(roofs_by_strip, 2)
         for pair in _match_strips(roofs_by_strip, reference, search, params)
     ]
-    view = {key: number for number, tie in enumerate(tie_planes(pairs)) for key in tie}
-    consistent = tuple(p for p in pairs if view[p.reference] == view[p.search])
+    face = {key: number for number, tie in enumerate(tie_planes(pairs)) for key in tie}
+    consistent = tuple(p for p in pairs if face.get(p.reference, -1) == face.get(p.search, -2))
     if not consistent:
         found = ", ".join(f"{name} {len(roofs.gables)}" for name, roofs in roofs_by_strip.items())
         raise TooFewPlanes(
-            f"expected gable roofs that two strips share, matched none within {params.distance_m} m "
-            f"and {params.inclination_deg} deg; gables per strip: {found or 'no strips'}; fly over "
-            "more gable roofs with more overlap, or start from a boresight closer to the truth"
+            "expected gable roofs that two strips share, matched none within "
+            f"{params.distance_m} m and {params.inclination_deg} deg; gables per strip: "
+            f"{found or 'no strips'}; fly over more gable roofs with more overlap, or start from "
+            "a boresight closer to the truth"
         )
     return Matches(consistent)
 
@@ -91,7 +92,7 @@ def tie_planes(pairs: Iterable[FacePair]) -> tuple[tuple[FaceKey, ...], ...]:
     """Connected components of ``pairs``: one physical face each, every strip at most once in it.
 
     Pairs are joined from the nearest on; one that would bring a second face of a strip into a
-    component contradicts better ones and is left out. Views that end up alone are still returned.
+    component contradicts better ones and is left out.
     """
     component: dict[FaceKey, set[FaceKey]] = {}
     for pair in sorted(pairs, key=lambda pair: pair.distance):
@@ -101,7 +102,7 @@ def tie_planes(pairs: Iterable[FacePair]) -> tuple[tuple[FaceKey, ...], ...]:
         one |= other
         component.update(dict.fromkeys(other, one))
     distinct = {id(keys): keys for keys in component.values()}.values()
-    return tuple(sorted(tuple(sorted(keys)) for keys in distinct))
+    return tuple(sorted(tuple(sorted(keys)) for keys in distinct if len(keys) > 1))
 
 
 def _match_strips(roofs_by_strip, reference: str, search: str, params) -> list[FacePair]:
@@ -179,7 +180,7 @@ def _inclination(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def _distance(g: Gable, h: Gable, least_overlap: float) -> float:
-    """Distance, m, of two gables as the module says; infinite where their extents do not overlap."""
+    """Distance, m, of two gables as the module says; infinite where they do not overlap."""
     sign = 1.0 if g.ridge @ h.ridge >= 0 else -1.0
     ridge = g.ridge + sign * h.ridge
     ridge = ridge / np.linalg.norm(ridge)

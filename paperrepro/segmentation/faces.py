@@ -15,22 +15,25 @@ class AssignmentParameters:
 
     Points of the face's voxels and of those within ``reach_cells`` around them are tried, so that
     edges lost to spoilt normals come back. They belong when they lie within ``sigmas`` robust
-    standard deviations of the face's own points, at least ``floor_m`` (millimetres of range
-    quantisation and rounding; a noise-free face must not lose points to 3 x 0) and at most
-    ``ceiling_m``. A point that fits two faces, as near a ridge, belongs to neither.
+    standard deviations of the face's own points, at least ``floor_m`` (ranges are recorded in
+    steps of 2 mm, and a noise-free face must not lose points to 3 x 0) and at most ``ceiling_m``.
+    A point that fits two faces, as near a ridge, belongs to neither.
     """
 
     reach_cells: float = 1.8
     sigmas: float = 3.0
-    floor_m: float = 0.01
+    floor_m: float = 0.002
     ceiling_m: float = 0.20
 
 
 @dataclass(frozen=True)
 class Face:
-    """One roof face in one strip, m-frame: ``normal`` (3,) with n_z >= 0 and ``d`` m of n.p - d = 0,
-    ``centroid`` (3,) m, ``points`` (K,) indices into the cloud it was extracted from, ``rms`` m of
-    their distances, ``area`` m² in the plane (convex hull)."""
+    """One roof face in one strip, m-frame.
+
+    ``normal`` (3,) with n_z >= 0 and ``d`` m of n.p - d = 0; ``centroid`` (3,) m; ``points`` (K,)
+    indices into the cloud it was extracted from; ``rms`` m of their distances; ``area`` m² in the
+    plane (convex hull).
+    """
 
     normal: np.ndarray
     d: float
@@ -46,7 +49,10 @@ class Face:
 
 
 def assign(
-    p_m: np.ndarray, thinned: Thinned, segments: list[np.ndarray], cell_m: float,
+    p_m: np.ndarray,
+    thinned: Thinned,
+    segments: list[np.ndarray],
+    cell_m: float,
     params: AssignmentParameters,
 ) -> list[Face]:
     """A `Face` for each of ``segments``, index arrays into the thinned cloud.
@@ -63,7 +69,8 @@ def assign(
 
 def _members(p_m, thinned, segment, cell_m, params) -> np.ndarray:
     """Indices (K,) of the full points that lie on the plane of the segment."""
-    core, tried = thinned.members(segment), thinned.members(_around(thinned, segment, cell_m, params))
+    core = thinned.members(segment)
+    tried = thinned.members(_around(thinned, segment, cell_m, params))
     plane = fit_plane(thinned.p_m[segment])
     for _ in range(3):  # the plane of the thinned cloud, then twice that of its own points
         limit = _limit(plane, p_m[core], params)
@@ -76,7 +83,7 @@ def _members(p_m, thinned, segment, cell_m, params) -> np.ndarray:
 
 
 def _limit(plane: Plane, p_m: np.ndarray, params: AssignmentParameters) -> float:
-    """Greatest distance, m, of a point that belongs, from the spread of the segment's own points."""
+    """Greatest distance, m, of a point that belongs, by the spread of the segment's points."""
     robust_sigma = 1.4826 * np.median(np.abs(plane.distance(p_m)))
     return float(np.clip(params.sigmas * robust_sigma, params.floor_m, params.ceiling_m))
 
@@ -85,7 +92,7 @@ def _around(thinned: Thinned, segment: np.ndarray, cell_m: float, params) -> np.
     """The segment's voxels and those within reach of one of them."""
     reach = params.reach_cells * cell_m
     core = thinned.p_m[segment]
-    near = ((thinned.p_m >= core.min(axis=0) - reach) & (thinned.p_m <= core.max(axis=0) + reach))
+    near = (thinned.p_m >= core.min(axis=0) - reach) & (thinned.p_m <= core.max(axis=0) + reach)
     near = np.flatnonzero(near.all(axis=1))
     distance, _ = cKDTree(core).query(thinned.p_m[near], distance_upper_bound=reach)
     return near[np.isfinite(distance)]

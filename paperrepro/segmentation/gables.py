@@ -18,8 +18,9 @@ class GableParameters:
     ``overlap``: of the extents along the ridge, relative to the shorter. ``width_ratio``: of the
     narrower to the wider face across the ridge, so that their eaves are comparable and a lean-to
     does not pass. ``hip_inset``: a face that is shorter at the ridge than at the eaves at *both*
-    ends, by more than this share of its width, is a hip's (a gable's is a rectangle; the edge of the
-    swath cuts one end). ``min_length_m`` along the ridge and ``min_width_m`` across.
+    ends, by more than this share of its width, is a hip's: between the outer quarters a hip of
+    equal slopes loses 0.75 of its width at either end, a gable nothing, and the edge of the swath
+    cuts one end only. ``min_length_m`` along the ridge and ``min_width_m`` across.
     """
 
     azimuth_deg: float = 10.0
@@ -110,8 +111,10 @@ def _gable(p_m, faces, a, b, params) -> Gable | None:
         return None
     to_left = np.array([-ridge[1], ridge[0], 0.0]) / np.hypot(ridge[0], ridge[1])
     left, right = (a, b) if to_left @ (faces[a].centroid - point) > 0 else (b, a)
-    sides = [_Side.of(p_m[faces[left].points] - point, ridge, to_left),
-             _Side.of(p_m[faces[right].points] - point, ridge, -to_left)]
+    sides = [
+        _Side.of(p_m[faces[left].points] - point, ridge, to_left),
+        _Side.of(p_m[faces[right].points] - point, ridge, -to_left),
+    ]
     if not (all(side.is_gable_face(params) for side in sides) and _comparable(*sides, params)):
         return None
     extent = np.array([min(s.along[0] for s in sides), max(s.along[1] for s in sides)])

@@ -17,8 +17,8 @@ class OutlierParameters:
 
     The paper prints neither number. Sigma is here the trend of density, not noise: it comes out
     near mu / 2. A face grazed at 80 degrees at the swath's edge has, by range and incidence,
-    sqrt(4 / cos 80) = 5 times the spacing of nadir, which is 6 to 8 sigma; dust and birds stand metres
-    from anything. So alpha = 10 keeps such a face and drops what is alone in the air.
+    sqrt(4 / cos 80) = 5 times the spacing of nadir, which is 6 to 8 sigma; dust and birds stand
+    metres from anything. So alpha = 10 keeps such a face and drops what is alone in the air.
     """
 
     k: int = 16
