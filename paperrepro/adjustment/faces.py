@@ -19,7 +19,8 @@ from paperrepro.survey import Rays
 class FaceStates:
     """Faces under given unknowns, F of them: ``count`` (F,), ``centroid`` (F, 3) m, ``J_centroid``
     (F, 3, u); ``plane`` (F, 4) as (n, d) with d reckoned from the m-frame's origin, ``J_plane``
-    (F, 4, u); ``rms`` (F,) m of the points about the plane."""
+    (F, 4, u), NaN where the points do not define a plane; ``rms`` (F,) m of the points about the
+    plane, ``width`` (F,) m RMS along the lesser of its two directions."""
 
     count: np.ndarray
     centroid: np.ndarray
@@ -27,6 +28,7 @@ class FaceStates:
     plane: np.ndarray
     J_plane: np.ndarray
     rms: np.ndarray
+    width: np.ndarray
 
 
 def face_states(rays: Rays, ranges: np.ndarray, unknowns: Unknowns, x: np.ndarray) -> FaceStates:
@@ -38,8 +40,9 @@ def face_states(rays: Rays, ranges: np.ndarray, unknowns: Unknowns, x: np.ndarra
     _face_sums(*columns(rays), ranges, *arguments, centroid, J, scatter, cross)
     count = ranges[:, 1] - ranges[:, 0]
     plane, J_plane = _plane_of_scatter(centroid, J, scatter, cross)
-    least = np.linalg.eigvalsh(scatter)[:, 0]
-    return FaceStates(count, centroid, J, plane, J_plane, np.sqrt(np.maximum(least, 0) / count))
+    values = np.maximum(np.linalg.eigvalsh(scatter), 0)
+    rms, width = np.sqrt(values[:, :2] / count[:, None]).T
+    return FaceStates(count, centroid, J, plane, J_plane, rms, width)
 
 
 def _plane_of_scatter(centroid, J_centroid, scatter, cross):
@@ -48,7 +51,8 @@ def _plane_of_scatter(centroid, J_centroid, scatter, cross):
     n = vectors[:, :, 0] * np.where(vectors[:, 2:, 0] < 0, -1.0, 1.0)
     dS_n = np.einsum("fabk,fb->fak", cross, n) + np.einsum("fbak,fb->fak", cross, n)
     gap = values[:, :1] - values[:, 1:]  # (F, 2)
-    along = np.einsum("fam,fak->fmk", vectors[:, :, 1:], dS_n) / gap[:, :, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = np.einsum("fam,fak->fmk", vectors[:, :, 1:], dS_n) / gap[:, :, None]
     J_n = np.einsum("fam,fmk->fak", vectors[:, :, 1:], along)
     d = np.einsum("fa,fa->f", n, centroid)
     J_d = np.einsum("fak,fa->fk", J_n, centroid) + np.einsum("fa,fak->fk", n, J_centroid)

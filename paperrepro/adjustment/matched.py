@@ -34,7 +34,7 @@ class MatchedFaces:
         planes: list[list[int]],
         pairs: list[tuple[int, int]],
     ) -> "MatchedFaces":
-        """From faces in any order; ``planes`` lists the faces of each plane, ``pairs`` index ``faces``.
+        """From ``faces`` in any order; ``planes`` lists each plane's, ``pairs`` index them too.
 
         Faces on no plane are left out; so are pairs whose faces lie on different planes.
         Raises `TooFewPlanes`.
@@ -42,8 +42,8 @@ class MatchedFaces:
         order = [face for plane in planes for face in plane]
         if len(planes) < LEAST_PLANES:
             raise TooFewPlanes(
-                f"expected at least {LEAST_PLANES} matched planes, got {len(planes)}; fly over more roofs "
-                "with more overlap, or widen the matching thresholds"
+                f"expected at least {LEAST_PLANES} matched planes, got {len(planes)}; fly over "
+                "more roofs with more overlap, or widen the matching thresholds"
             )
         stops = np.cumsum([len(faces[face]) for face in order])
         place = {face: position for position, face in enumerate(order)}
@@ -71,7 +71,7 @@ class MatchedFaces:
         return np.column_stack([self.ranges[first, 0], self.ranges[last, 1]])
 
     def mean_poses(self) -> np.ndarray:
-        """(F, 6), the pose from which each face was seen on average (headings within a face do not wrap)."""
+        """(F, 6), each face's mean pose (headings within a face do not wrap)."""
         sums = np.add.reduceat(self.rays.pose, self.ranges[:, 0], axis=0)
         return sums / np.diff(self.ranges, axis=1)
 
@@ -82,6 +82,21 @@ def require_spread(normals: np.ndarray, least_deg: float = 3.0) -> None:
     widest = np.rad2deg(np.arccos(np.clip(cosines.min(), -1, 1)))
     if widest < least_deg:
         raise RankDefect(
-            f"all {len(normals)} planes are parallel within {widest:.2f} deg; expected roofs of several "
-            "slopes and azimuths. Turns about the common normal cannot be seen: add differently inclined planes"
+            f"all {len(normals)} planes are parallel within {widest:.2f} deg; expected roofs of "
+            "several slopes and azimuths. Turns about the common normal cannot be seen: add "
+            "differently inclined planes"
+        )
+
+
+def require_width(width: np.ndarray, what: list[str], least_m: float = 0.05) -> None:
+    """Raise `RankDefect` where the points of a plane, or face, are only as wide as noise.
+
+    ``width`` (F,) m as in `faces.FaceStates`, ``what`` the F names.
+    """
+    narrow = np.flatnonzero(~(width >= least_m))
+    if len(narrow):
+        raise RankDefect(
+            f"the points of {', '.join(what[k] for k in narrow[:5])} lie on a line or in a point: "
+            f"expected a width of {100 * least_m:.0f} cm RMS, got {100 * width[narrow[0]]:.1f} cm; "
+            "leave such faces out"
         )

@@ -20,7 +20,7 @@ import numpy as np
 from paperrepro.adjustment import centroids as eq5
 from paperrepro.adjustment.faces import FaceStates, face_states
 from paperrepro.adjustment.gauss_helmert import Pseudo, Solution, solve_free, solve_reference
-from paperrepro.adjustment.matched import MatchedFaces, require_spread
+from paperrepro.adjustment.matched import MatchedFaces, require_spread, require_width
 from paperrepro.adjustment.normals import Blocks, Unknowns, observation_variances, point_blocks
 from paperrepro.adjustment.observability import Observability
 from paperrepro.adjustment.result import CalibrationResult
@@ -69,7 +69,9 @@ def _by_name(scenario: str | Scenario) -> Scenario:
     if isinstance(scenario, Scenario):
         return scenario
     if scenario not in SCENARIOS:
-        raise BadInput(f"scenario {scenario!r}: expected one of {', '.join(SCENARIOS)}; name one of them")
+        raise BadInput(
+            f"scenario {scenario!r}: expected one of {', '.join(SCENARIOS)}; name one of them"
+        )
     return SCENARIOS[scenario]
 
 
@@ -100,13 +102,17 @@ class _Model:
         require_spread(planes.plane[:, :3])
         faces = np.arange(len(matched.ranges))
         if scenario.free_planes:
+            require_width(planes.width, [f"plane {k}" for k in range(matched.n_planes)])
             layout = planes.centroid, matched.plane_ranges, faces, matched.plane
         else:
             if not len(matched.pairs):
                 raise TooFewPlanes(
-                    f"scenario {scenario.name}: expected pairs of faces, got none; match strips first"
+                    f"scenario {scenario.name}: expected pairs of faces, got none; "
+                    "match strips first"
                 )
-            search = matched.pairs[:, 1]
+            reference, search = np.unique(matched.pairs[:, 0]), matched.pairs[:, 1]
+            states = face_states(matched.rays, matched.ranges[reference], unknowns, x)
+            require_width(states.width, [f"face {k} of {matched.strips[k]}" for k in reference])
             origin = planes.centroid[matched.plane[search]]
             layout = origin, matched.ranges[search], search, np.arange(len(search))
         weight = np.r_[
