@@ -41,7 +41,7 @@ class Observability:
         values, vectors = np.linalg.eigh(boresight_information(S_data + np.diag(weight)))
         rank = int((values > 1e-12 * values[-1]).sum())
         weakest = vectors[:, 0] * np.sign(vectors[np.argmax(np.abs(vectors[:, 0])), 0])
-        least = max(values[0], np.finfo(float).tiny)
+        least = max(values[0], 1e-30 * values[-1], 1e-30)  # a direction unseen: finite all the same
         condition, sigma = float(values[-1] / least), float(1 / np.sqrt(least))
         return cls(rank, condition, weakest, sigma, _offsets_determined(S_data, weight))
 
