@@ -92,16 +92,14 @@ def with_noise(matched, rng, scale=1.0):
     """``matched`` with white noise of ``scale`` times the specification on all observations."""
     sigma = scale * np.sqrt(observation_variances(NAVIGATION, SCANNER))
     rays, e = matched.rays, sigma * rng.standard_normal((len(matched.rays), 9))
-    return replace(
-        matched,
-        rays=Rays(
-            rays.pose + e[:, :6],
-            rays.ring,
-            rays.azimuth + e[:, 7],
-            rays.elevation + e[:, 8],
-            rays.rho + e[:, 6],
-        ),
+    noisy = replace(
+        rays,
+        pose=rays.pose + e[:, :6],
+        rho=rays.rho + e[:, 6],
+        azimuth=rays.azimuth + e[:, 7],
+        elevation=rays.elevation + e[:, 8],
     )
+    return replace(matched, rays=noisy)
 
 
 def with_offsets(matched, offsets):
