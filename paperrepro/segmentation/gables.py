@@ -81,11 +81,10 @@ def find_gables(p_m: np.ndarray, faces: list[Face], params: GableParameters) -> 
     """
     found = []
     for a, b in combinations(range(len(faces)), 2):
-        if _opposite(faces[a], faces[b], params) and (gable := _gable(p_m, faces, a, b, params)):
-            found.append(gable)
-    found.sort(key=lambda gable: gable.extent[0] - gable.extent[1])
+        if _opposite(faces[a], faces[b], params):
+            found += _gable(p_m, faces, a, b, params)
     taken, gables = set(), []
-    for gable in found:
+    for _, gable in sorted(found, key=lambda item: -item[0]):
         if not taken & {gable.left, gable.right}:
             taken |= {gable.left, gable.right}
             gables.append(gable)
@@ -101,32 +100,27 @@ def _opposite(one: Face, other: Face, params: GableParameters) -> bool:
     return turn < -np.cos(np.radians(params.azimuth_deg)) and apart < 4 * reach
 
 
-def _gable(p_m, faces, a, b, params) -> Gable | None:
-    """The gable of two opposite faces, or None."""
+def _gable(p_m, faces, a, b, params) -> list[tuple[float, Gable]]:
+    """The gable of two opposite faces after the length, m, that they share; or nothing."""
     crossing = virtual_point(faces[a], faces[b])
     if crossing is None:
-        return None
+        return []
     point, ridge = crossing
-    if abs(ridge[2]) > np.sin(np.radians(params.ridge_slope_deg)):
-        return None
     to_left = np.array([-ridge[1], ridge[0], 0.0]) / np.hypot(ridge[0], ridge[1])
     left, right = (a, b) if to_left @ (faces[a].centroid - point) > 0 else (b, a)
-    sides = [
-        _Side.of(p_m[faces[left].points] - point, ridge, to_left),
-        _Side.of(p_m[faces[right].points] - point, ridge, -to_left),
-    ]
-    if not (all(side.is_gable_face(params) for side in sides) and _comparable(*sides, params)):
-        return None
-    extent = np.array([min(s.along[0] for s in sides), max(s.along[1] for s in sides)])
-    return Gable(left, right, point, ridge, extent)
-
-
-def _comparable(one: "_Side", other: "_Side", params: GableParameters) -> bool:
+    one = _Side.of(p_m[faces[left].points] - point, ridge, to_left)
+    other = _Side.of(p_m[faces[right].points] - point, ridge, -to_left)
     common = min(one.along[1], other.along[1]) - max(one.along[0], other.along[0])
-    shorter = min(one.along[1] - one.along[0], other.along[1] - other.along[0])
-    width = sorted([one.across[1] - one.across[0], other.across[1] - other.across[0]])
-    long_enough = common >= max(params.overlap * shorter, params.min_length_m)
-    return bool(long_enough and width[0] >= params.width_ratio * width[1])
+    if not (
+        abs(ridge[2]) <= np.sin(np.radians(params.ridge_slope_deg))
+        and one.is_gable_face(params)
+        and other.is_gable_face(params)
+        and common >= max(params.overlap * min(one.length, other.length), params.min_length_m)
+        and min(one.width, other.width) >= params.width_ratio * max(one.width, other.width)
+    ):
+        return []
+    extent = np.array([min(one.along[0], other.along[0]), max(one.along[1], other.along[1])])
+    return [(common, Gable(left, right, point, ridge, extent))]
 
 
 @dataclass(frozen=True)
@@ -139,6 +133,16 @@ class _Side:
     across: np.ndarray
     height: np.ndarray
     inset: np.ndarray
+
+    @property
+    def length(self) -> float:
+        """m, along the ridge."""
+        return float(self.along[1] - self.along[0])
+
+    @property
+    def width(self) -> float:
+        """m, across the ridge, in plan."""
+        return float(self.across[1] - self.across[0])
 
     @staticmethod
     def of(q: np.ndarray, ridge: np.ndarray, outward: np.ndarray) -> "_Side":
@@ -153,11 +157,10 @@ class _Side:
 
     def is_gable_face(self, params: GableParameters) -> bool:
         """Begins at the ridge, keeps to its side and under it, is large enough, and no hip's."""
-        width = self.across[1] - self.across[0]
         return bool(
             abs(self.across[0]) <= params.ridge_gap_m
             and self.height[1] <= params.ridge_gap_m
-            and width >= params.min_width_m
-            and self.along[1] - self.along[0] >= params.min_length_m
-            and self.inset.min() <= params.hip_inset * width
+            and self.width >= params.min_width_m
+            and self.length >= params.min_length_m
+            and self.inset.min() <= params.hip_inset * self.width
         )

@@ -109,22 +109,27 @@ def ransac_planes(
 ) -> list[np.ndarray]:
     """Consensus sets, index arrays into p_m (V, 3), of the object ``members`` (K,).
 
-    The largest first; each is taken out before the next is sought.
+    The largest first; each is taken out before the next is sought. A hypothesis of an admissible
+    slope may turn, when refitted, into a plane of another: its points are taken out and forgotten.
     """
     sets, rest = [], members
-    while len(rest) >= params.min_inliers and len(sets) < params.max_sets:
+    low, high = np.radians(params.slope_deg)
+    for _ in range(params.max_sets):
         inlier = _best_consensus(p_m, around, rest, params, rng)
         if inlier.sum() < params.min_inliers:
             break
-        sets.append(rest[inlier])
+        if low <= fit_plane(p_m[rest[inlier]]).slope <= high:
+            sets.append(rest[inlier])
         rest = rest[~inlier]
     return sets
 
 
 def _best_consensus(p_m, around, rest, params, rng) -> np.ndarray:
     """Mask over ``rest`` of the inliers of the best plane, refitted once by PCA."""
-    normal, d = _hypotheses(p_m, around, rest, params, rng)
     none = np.zeros(len(rest), dtype=bool)
+    if len(rest) < params.min_inliers:
+        return none
+    normal, d = _hypotheses(p_m, around, rest, params, rng)
     if len(d) == 0:
         return none
     q, own, cosine = p_m[rest], around.normal[rest], np.cos(np.radians(params.normal_deg))
@@ -161,11 +166,11 @@ def _inliers(q, own, normal, d, tolerance, cosine) -> np.ndarray:
     return (np.abs(q @ normal - d) <= tolerance) & (np.abs(own @ normal) >= cosine)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True)
 def _votes(q, own, normal, d, tolerance, cosine):
     """Inliers (H,) of each hypothesis among points q (K, 3) with normals ``own`` (K, 3)."""
     votes = np.zeros(len(d), dtype=np.int64)
-    for h in numba.prange(len(d)):
+    for h in range(len(d)):
         a, b, c = normal[h, 0], normal[h, 1], normal[h, 2]
         count = 0
         for i in range(len(q)):
