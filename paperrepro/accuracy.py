@@ -1,7 +1,7 @@
 """How good the points are: distances to planes of a reference, vertical offsets at virtual points.
 
-The reference is an independent cloud whose roofs are segmented by the same chain (section 3.2.3), or
-planes known otherwise. The same faces and points are used for every mounting that is compared.
+The reference is an independent cloud whose roofs are segmented by the same chain (section 3.2.3),
+or planes known otherwise. The same faces and points are used for every mounting that is compared.
 """
 
 from dataclasses import dataclass
@@ -26,8 +26,8 @@ _REFERENCE = "reference"
 
 @dataclass(frozen=True)
 class ReferencePlanes:
-    """Reference of each plane of a `MatchedFaces`: ``planes`` (G, 4) as (n, d), rows of NaN where the
-    reference has none."""
+    """Reference of each plane of a `MatchedFaces`: ``planes`` (G, 4) as (n, d), rows of NaN where
+    the reference has none."""
 
     planes: np.ndarray
 
@@ -61,8 +61,8 @@ def reference_planes(found: RoofSurvey, reference: Roofs) -> ReferencePlanes:
         planes[tie] = [*face.normal, face.d]
     if not votes:
         raise TooFewPlanes(
-            f"no roof of the reference ({len(reference.gables)} gables) lies where the strips have one; "
-            "check the reference's coordinate system and its density"
+            f"no roof of the reference ({len(reference.gables)} gables) lies where the strips have "
+            "one; check the reference's coordinate system and its density"
         )
     return ReferencePlanes(planes)
 

@@ -1,7 +1,7 @@
 """Expensive stages kept on disk, keyed by their arguments and by the code that makes them.
 
-Files lie in the user's cache folder, or in ``PAPERREPRO_CACHE``. A lock per entry lets two processes
-ask at once: one computes, the other waits. An entry is written whole or not at all.
+Files lie in the user's cache folder, or in ``PAPERREPRO_CACHE``. A lock per entry lets two
+processes ask at once: one computes, the other waits. An entry is written whole or not at all.
 """
 
 import ast
@@ -75,7 +75,9 @@ def _store(value: Any, path: Path) -> None:
 
 @functools.cache
 def code_version(module: str) -> str:
-    """Hash of the sources of ``module`` and of all modules of ours that it imports, directly or not."""
+    """Hash of the sources of ``module`` and of all modules of ours that it imports, directly or
+    not.
+    """
     sources, waiting = {}, [module]
     while waiting:
         name = waiting.pop()

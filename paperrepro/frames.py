@@ -66,6 +66,7 @@ def require_rotation(R, what: str) -> np.ndarray:
     if off > 1e-6 or det < 0:
         raise NotARotation(
             f"{what}: expected a right-handed rotation, got det {det:+.6f} and rows that miss "
-            f"orthonormality by {off:.2e}; check signs and the order of the axes (rows are b, columns l)"
+            f"orthonormality by {off:.2e}; check signs and the order of the axes "
+            "(rows are b, columns l)"
         )
     return R

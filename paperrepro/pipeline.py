@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from paperrepro.adjustment.calibration import calibrate
 from paperrepro.adjustment.matched import MatchedFaces
 from paperrepro.adjustment.refinement import refine
 from paperrepro.adjustment.result import CalibrationResult
-from paperrepro.adjustment.scenarios import calibrate
 from paperrepro.errors import NoConvergence
 from paperrepro.georeference import georeference
 from paperrepro.matching import FacePair, MatchParameters, match
@@ -43,7 +43,7 @@ class PassParameters:
 
     @classmethod
     def coarse(cls) -> "PassParameters":
-        """For boresights wrong by up to 3 degrees: six central beams see a roof 18 cm thick then."""
+        """For boresights wrong by up to 3 degrees: six central beams see a roof 18 cm thick."""
         return cls(RoofParameters.coarse(), MatchParameters.coarse(), fan_deg=3.5)
 
     @classmethod
@@ -65,7 +65,7 @@ class PipelineParameters:
 
 @dataclass(frozen=True)
 class Candidates:
-    """Points that can lie on a roof, strip by strip: ``index`` into the strip, and their ``rays``."""
+    """Points that can lie on a roof, by strip: ``index`` into the strip, and their ``rays``."""
 
     index: dict[str, np.ndarray]
     rays: dict[str, Rays]
@@ -75,10 +75,10 @@ class Candidates:
 class RoofSurvey:
     """Roofs found and matched under ``mounting``.
 
-    ``roofs`` by strip, whose face points index `Candidates`; ``pairs`` and ``ties`` of the matching,
-    a tie being one physical face by its views; ``matched`` what the adjustment takes, its faces in
-    the order of ``keys`` (strip, face number); ``gables`` (K, 2) left and right face in that order;
-    ``boresights`` (passes + 1, 3) rad, as the passes went.
+    ``roofs`` by strip, whose face points index `Candidates`; ``pairs`` and ``ties`` of the
+    matching, a tie being one physical face by its views; ``matched`` what the adjustment takes, its
+    faces in the order of ``keys`` (strip, face number); ``gables`` (K, 2) left and right face in
+    that order; ``boresights`` (passes + 1, 3) rad, as the passes went.
     """
 
     mounting: Mounting
@@ -127,8 +127,8 @@ def find_roofs(
             return replace(found, boresights=np.array(boresights))
         mounting, step = mounting.with_calibration(boresights[-1]), params.fine
     raise NoConvergence(
-        f"the roofs did not settle in {params.max_passes} passes, last change {np.rad2deg(change):.3f} deg "
-        f"(limit {params.settled_deg} deg); look for wrong matches, or start closer to the mounting"
+        f"the roofs did not settle in {params.max_passes} passes, last change "
+        f"{np.rad2deg(change):.3f} deg (limit {params.settled_deg} deg); look for wrong matches, or start closer to the mounting"
     )
 
 

@@ -154,7 +154,8 @@ class Trajectory:
         if low < first or high > last:
             raise OutsideTrajectory(
                 f"{name}: its points span {low:.3f}-{high:.3f} s, the trajectory "
-                f"{first:.3f}-{last:.3f} s; give the trajectory of this flight, in the same time system"
+                f"{first:.3f}-{last:.3f} s; give the trajectory of this flight, "
+                "in the same time system"
             )
         step = np.diff(self.time)
         for gap in np.flatnonzero(step > max(1.0, 20 * np.median(step))):
@@ -211,38 +212,40 @@ class Strip:
 @dataclass(frozen=True)
 class Rays:
     """Laser points with their poses, ready for Eq. (1): ``pose`` (N, 6) m and rad, ``ring`` (N,),
-    ``azimuth`` (N,) rad, ``elevation`` (N,) rad, ``rho`` (N,) m measured range."""
+    ``azimuth`` (N,) rad, ``elevation`` (N,) rad, ``rho`` (N,) m measured range; ``time`` (N,) s, or
+    None where nothing depends on it."""
 
     pose: np.ndarray
     ring: np.ndarray
     azimuth: np.ndarray
     elevation: np.ndarray
     rho: np.ndarray
+    time: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.rho)
 
     def take(self, index) -> "Rays":
         """The chosen rays; ``index`` as numpy takes it."""
-        return Rays(*(column[index] for column in self._columns()))
+        columns = (column[index] for column in self._columns())
+        return Rays(*columns, None if self.time is None else self.time[index])
 
     def _columns(self):
         return self.pose, self.ring, self.azimuth, self.elevation, self.rho
 
     @staticmethod
     def join(parts: list["Rays"]) -> "Rays":
-        """One after the other."""
-        return Rays(
-            *(
-                np.concatenate(columns)
-                for columns in zip(*(p._columns() for p in parts), strict=True)
-            )
-        )
+        """One after the other; with times only where all parts have them."""
+        columns = zip(*(part._columns() for part in parts), strict=True)
+        times = [part.time for part in parts]
+        time = None if any(t is None for t in times) else np.concatenate(times)
+        return Rays(*(np.concatenate(column) for column in columns), time)
 
 
 @dataclass(frozen=True)
 class Survey:
-    """A flight as its operator has it. ``reference`` is an independent cloud (K, 3) m, m-frame, or None."""
+    """A flight as its operator has it. ``reference`` is an independent cloud (K, 3) m, m-frame,
+    or None."""
 
     strips: tuple[Strip, ...]
     trajectory: Trajectory
@@ -256,7 +259,10 @@ class Survey:
         return next(strip for strip in self.strips if strip.name == name)
 
     def rays(self, strip: Strip, index=slice(None)) -> Rays:
-        """`Rays` of a strip, or of the chosen points of it. Raises what `Strip.check` and `Trajectory.at` raise."""
+        """`Rays` of a strip, or of the chosen points of it.
+
+        Raises what `Strip.check` and `Trajectory.at` raise, and `BadInput` for an unknown ring.
+        """
         part = Strip(
             strip.name, *(c[index] for c in (strip.time, strip.ring, strip.azimuth, strip.rho))
         ).check()
@@ -273,4 +279,5 @@ class Survey:
             np.asarray(part.azimuth),
             elevation,
             np.asarray(part.rho),
+            np.asarray(part.time),
         )

@@ -19,7 +19,7 @@ N_POSE = 6
 def virtual_jacobians(
     centroids: np.ndarray, poses: np.ndarray, unknowns: Unknowns, x: np.ndarray
 ) -> np.ndarray:
-    """Derivatives (F, 3, 9) of ``centroids`` (F, 3), each seen as a ray from its mean pose (F, 6)."""
+    """Derivatives (F, 3, 9) of ``centroids`` (F, 3), each a ray from its mean pose (F, 6)."""
     out = np.empty((len(centroids), 3, 9))
     R_l_b, dR_l_b, lever, _, _ = unknowns.kernel_arguments(x)
     p, J_x = np.empty(3), np.empty((3, 4))
@@ -37,7 +37,9 @@ def virtual_jacobians(
 def centroid_variances(
     normals: np.ndarray, J_l: np.ndarray, count: np.ndarray, variances: np.ndarray
 ) -> np.ndarray:
-    """``B Q B'`` (K,) of Eq. (5) for ``normals`` (K, 3), virtual rays ``J_l`` (K, 3, 9) of ``count`` points."""
+    """``B Q B'`` (K,) of Eq. (5) for ``normals`` (K, 3), virtual rays ``J_l`` (K, 3, 9) of
+    ``count`` points.
+    """
     shared = np.where(np.arange(9) < N_POSE, 1.0, 1.0 / count[:, None])
     b = np.einsum("ka,kam->km", normals, J_l)
     return (np.square(b) * variances * shared).sum(axis=1)

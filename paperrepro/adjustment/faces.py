@@ -20,7 +20,8 @@ class FaceStates:
     """Faces under given unknowns, F of them: ``count`` (F,), ``centroid`` (F, 3) m, ``J_centroid``
     (F, 3, u); ``plane`` (F, 4) as (n, d) with d reckoned from the m-frame's origin, ``J_plane``
     (F, 4, u), NaN where the points do not define a plane; ``rms`` (F,) m of the points about the
-    plane, ``width`` (F,) m RMS along the lesser of its two directions."""
+    plane, ``width`` (F,) m RMS along the lesser of its two directions; ``scatter`` (F, 3, 3) m²
+    about the centroid, summed over the points."""
 
     count: np.ndarray
     centroid: np.ndarray
@@ -29,6 +30,11 @@ class FaceStates:
     J_plane: np.ndarray
     rms: np.ndarray
     width: np.ndarray
+    scatter: np.ndarray
+
+    def spread(self, normals: np.ndarray) -> np.ndarray:
+        """Mean squared distance (F,) m² of the points from their centroid along (F, 3) normals."""
+        return np.einsum("fa,fab,fb->f", normals, self.scatter, normals) / self.count
 
 
 def face_states(rays: Rays, ranges: np.ndarray, unknowns: Unknowns, x: np.ndarray) -> FaceStates:
@@ -42,7 +48,7 @@ def face_states(rays: Rays, ranges: np.ndarray, unknowns: Unknowns, x: np.ndarra
     plane, J_plane = _plane_of_scatter(centroid, J, scatter, cross)
     values = np.maximum(np.linalg.eigvalsh(scatter), 0)
     rms, width = np.sqrt(values[:, :2] / count[:, None]).T
-    return FaceStates(count, centroid, J, plane, J_plane, rms, width)
+    return FaceStates(count, centroid, J, plane, J_plane, rms, width, scatter)
 
 
 def _plane_of_scatter(centroid, J_centroid, scatter, cross):

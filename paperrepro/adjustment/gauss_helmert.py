@@ -34,8 +34,8 @@ class Solution:
     """What the iterations end with.
 
     ``x`` (u,), ``planes`` (G, 4) with d from the group's origin, ``Q`` (u, u) cofactors of ``x``,
-    ``Q_planes`` (G, 4, 4) cofactors of free planes, else None, ``S_data`` (u, u) the information of the
-    conditions alone, ``chi2`` and ``dof`` of all conditions and pseudo-observations.
+    ``Q_planes`` (G, 4, 4) cofactors of free planes, else None, ``S_data`` (u, u) the information of
+    the conditions alone, ``chi2`` and ``dof`` of all conditions and pseudo-observations.
     """
 
     x: np.ndarray
@@ -72,7 +72,7 @@ def solve_free(
 
     Raises `NoConvergence`, `RankDefect`.
     """
-    for iteration in range(1, MAX_ITERATIONS + 1):
+    for iteration in range(1, MAX_ITERATIONS + 1):  # noqa: B007
         condition = blocks(x, planes)
         inverse = _bordered_inverse(condition, planes)
         data = _schur(condition, inverse, planes)
@@ -102,7 +102,7 @@ def solve_reference(
     ``plane_states(x)`` gives planes (G, 4) and their derivatives (G, 4, u).
     Raises `NoConvergence`, `RankDefect`.
     """
-    for iteration in range(1, MAX_ITERATIONS + 1):
+    for iteration in range(1, MAX_ITERATIONS + 1):  # noqa: B007
         planes, J = plane_states(x)
         data = _fold(blocks(x, planes), J)
         dx = _correction(data, pseudo, x)
@@ -125,14 +125,14 @@ def _solution(
     dof = int(condition.count.sum()) + np.count_nonzero(pseudo.weight) - len(x) - n_plane_unknowns
     if dof < 1:
         raise TooFewPlanes(
-            f"expected more conditions than unknowns, got {condition.count.sum()} conditions and {dof} "
-            "degrees of freedom; match more faces"
+            f"expected more conditions than unknowns, got {condition.count.sum()} conditions and "
+            f"{dof} degrees of freedom; match more faces"
         )
     return Solution(x, planes, Q, Q_planes, S_data, chi2, dof, iterations)
 
 
 def _bordered_inverse(condition: Blocks, planes: np.ndarray) -> np.ndarray:
-    """Inverses (G, 5, 5) of each plane's block bordered by the constraint ``2 n . dn = 1 - n . n``."""
+    """Inverses (G, 5, 5) of each plane's block, bordered by ``2 n . dn = 1 - n . n``."""
     border = np.zeros((len(planes), 5, 5))
     border[:, :4, :4] = condition.N[:, -4:, -4:]
     border[:, :3, 4] = border[:, 4, :3] = 2 * planes[:, :3]
@@ -140,8 +140,8 @@ def _bordered_inverse(condition: Blocks, planes: np.ndarray) -> np.ndarray:
         return np.linalg.inv(border)
     except np.linalg.LinAlgError:
         raise RankDefect(
-            "a plane's own equations are singular: expected its points to spread in two directions; "
-            "leave out faces that are lines"
+            "a plane's own equations are singular: expected its points to spread in two "
+            "directions; leave out faces that are lines"
         ) from None
 
 
@@ -208,9 +208,9 @@ def _solve(S: np.ndarray, t: np.ndarray) -> np.ndarray:
     scaled = S / np.outer(diagonal, diagonal)
     if np.linalg.cond(scaled) > 1e13:
         raise RankDefect(
-            f"normal equations of condition {np.linalg.cond(scaled):.1e}: expected planes of several "
-            "slopes and azimuths, seen from crossing lines; add strips or planes, or estimate fewer "
-            "unknowns"
+            f"normal equations of condition {np.linalg.cond(scaled):.1e}: expected planes of "
+            "several slopes and azimuths, seen from crossing lines; add strips or planes, or "
+            "estimate fewer unknowns"
         )
     return np.linalg.solve(scaled, t / diagonal) / diagonal
 

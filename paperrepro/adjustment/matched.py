@@ -1,6 +1,6 @@
 """The adjustment's observations: matched faces, their rays, and which plane each lies on."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,6 +9,18 @@ from paperrepro.survey import Rays
 
 #: Planes needed for three angles and a check; the paper asks four of the refinement, section 2.2.5.
 LEAST_PLANES = 4
+
+
+@dataclass(frozen=True)
+class Rejection:
+    """A face left out: its ``strip``, the ``plane`` it was matched to, its centroid (3,) m in the
+    m-frame, by how much it misses the plane, and the limit, m."""
+
+    strip: str
+    plane: int
+    centroid: np.ndarray
+    misfit_m: float
+    limit_m: float
 
 
 @dataclass(frozen=True)
@@ -69,6 +81,27 @@ class MatchedFaces:
         first = np.searchsorted(self.plane, np.arange(self.n_planes))
         last = np.searchsorted(self.plane, np.arange(self.n_planes), side="right") - 1
         return np.column_stack([self.ranges[first, 0], self.ranges[last, 1]])
+
+    def subset(self, keep: np.ndarray) -> "MatchedFaces":
+        """Without the faces where ``keep`` (F,) is False, and the planes that one face is left of.
+
+        Raises `TooFewPlanes`.
+        """
+        members = [np.flatnonzero(keep & (self.plane == g)) for g in range(self.n_planes)]
+        planes = [list(faces) for faces in members if len(faces) > 1]
+        faces = [self.rays.take(slice(first, last)) for first, last in self.ranges]
+        pairs = [tuple(pair) for pair in self.pairs]
+        return MatchedFaces.build(faces, list(self.strips), planes, pairs)
+
+    def thinned(self, most: int) -> "MatchedFaces":
+        """With at most ``most`` points a face, evenly spaced in their order."""
+        index = [
+            np.linspace(first, last - 1, min(most, last - first)).astype(int)
+            for first, last in self.ranges
+        ]
+        stops = np.cumsum([len(rows) for rows in index])
+        ranges = np.column_stack([np.r_[0, stops[:-1]], stops]).astype(np.int64)
+        return replace(self, rays=self.rays.take(np.concatenate(index)), ranges=ranges)
 
     def mean_poses(self) -> np.ndarray:
         """(F, 6), each face's mean pose (headings within a face do not wrap)."""

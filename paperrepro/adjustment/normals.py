@@ -178,7 +178,8 @@ def _point_blocks(
 def _adjusted(obs, v, shifted, plane, origin, R_l_b, dR_l_b, lever, offset, variances, p, J_x, J_l):
     """Misclosure ``w = f(l + v) - B v`` and ``s = B Q B'`` at the adjusted observations.
 
-    Leaves the point and its derivatives there in ``p``, ``J_x``, ``J_l`` and the residuals in ``v``.
+    Leaves the point and its derivatives there in ``p``, ``J_x``, ``J_l`` and the residuals in
+    ``v``.
     """
     v[:] = 0.0
     w, s = 0.0, 1.0

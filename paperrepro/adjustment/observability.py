@@ -1,8 +1,8 @@
 """What the geometry determines of the boresight, and the refusal to report what it does not.
 
-A flight along one heading does not see a roll of the mounting, or hardly. Noise then takes the place
-of geometry: every pose is a little off, so the normal equations are never quite singular, and their
-inverse is a number like any other. Two limits keep such numbers from being reported.
+A flight along one heading does not see a roll of the mounting, or hardly. Noise then takes the
+place of geometry: every pose is a little off, so the normal equations are never quite singular, and
+their inverse is a number like any other. Two limits keep such numbers from being reported.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,8 @@ class Observability:
 
     ``rank`` of 3, ``condition`` (largest over least information of a boresight direction),
     ``weakest`` unit vector (3,) about body forward, right, down, ``weakest_sigma`` rad a priori,
-    ``offsets_determined``: range-offset directions in which the data outweigh the pseudo-observation.
+    ``offsets_determined``: range-offset directions in which the data outweigh the
+    pseudo-observation.
     """
 
     rank: int
@@ -37,7 +38,7 @@ class Observability:
 
     @classmethod
     def of(cls, S_data: np.ndarray, weight: np.ndarray) -> "Observability":
-        """From the information ``S_data`` (u, u) of the conditions and of pseudo-observations (u,)."""
+        """From the information ``S_data`` (u, u) of the conditions and pseudo-observations (u,)."""
         values, vectors = np.linalg.eigh(boresight_information(S_data + np.diag(weight)))
         rank = int((values > 1e-12 * values[-1]).sum())
         weakest = vectors[:, 0] * np.sign(vectors[np.argmax(np.abs(vectors[:, 0])), 0])
@@ -61,7 +62,7 @@ class Observability:
 
 
 def boresight_information(S: np.ndarray) -> np.ndarray:
-    """Information (3, 3) of the boresight that is left once the other unknowns of ``S`` are free."""
+    """Information (3, 3) of the boresight that is left once the rest of ``S`` is free."""
     coupling = S[:3, 3:]
     information = S[:3, :3] - coupling @ np.linalg.pinv(S[3:, 3:], hermitian=True) @ coupling.T
     return (information + information.T) / 2
@@ -90,12 +91,13 @@ def require_determined(seen: Observability) -> None:
 
 def no_convergence(seen: Observability, iterations: int, last: float, limit: float) -> Exception:
     """The error for iterations that did not end: `RankDefect` where the geometry explains it."""
-    what = f"no convergence after {iterations} iterations, last correction {last:.2e} (limit {limit:.0e})"
+    what = f"no convergence after {iterations} iterations, last correction {last:.2e}"
+    what += f" (limit {limit:.0e})"
     if seen.condition > WIDEST_CONDITION:
         return RankDefect(
             f"{what}: these strips and planes hardly determine the boresight's {seen.weakest_word} "
-            f"({seen}); add strips flown in the opposite and a crossing direction, or roofs of other "
-            "azimuths"
+            f"({seen}); add strips flown in the opposite and a crossing direction, or roofs of "
+            "other azimuths"
         )
     return NoConvergence(
         f"{what}; look for wrong matches, or start closer to the mounting ({seen})"

@@ -27,7 +27,8 @@ def orthogonal_projection(p_m: np.ndarray, plane: np.ndarray) -> tuple[np.ndarra
 
 
 def refine(survey: Survey, matched: MatchedFaces, calibrated: Mounting) -> CalibrationResult:
-    """Boresight that minimises Eq. (9), from ``calibrated`` as start; range offsets stay as they are.
+    """Boresight that minimises Eq. (9), from ``calibrated`` as start; range offsets stay as they
+    are.
 
     ``matched`` holds the faces extracted and matched under ``calibrated``; the first face of a pair
     gives the points, the second the target plane. Raises as `scenarios.calibrate` does,

@@ -1,11 +1,27 @@
 """What a calibration reports."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from paperrepro.adjustment.matched import Rejection
 from paperrepro.adjustment.observability import Observability
-from paperrepro.survey import Mounting
+from paperrepro.survey import Mounting, Rays
+
+
+@dataclass(frozen=True)
+class TrajectoryErrors:
+    """What scenario D finds of the trajectory's error: at nodes ``time`` (K,) s the ``correction``
+    (K, 6) to be added to the reported pose, m and rad, and its ``sigma`` (K, 6)."""
+
+    time: np.ndarray
+    correction: np.ndarray
+    sigma: np.ndarray
+
+    def apply(self, rays: Rays) -> Rays:
+        """The rays with corrected poses; beyond the nodes the nearest correction holds."""
+        shift = [np.interp(rays.time, self.time, column) for column in self.correction.T]
+        return replace(rays, pose=rays.pose + np.column_stack(shift))
 
 
 @dataclass(frozen=True)
@@ -14,7 +30,9 @@ class CalibrationResult:
 
     ``covariance`` (u, u) a posteriori, of the boresight (rad) and then the offsets (m);
     ``planes`` (G, 4) as (n, d) in the m-frame with ``covariance_planes`` (G, 4, 4); ``sigma0`` and
-    ``dof``; RMS of each plane's points about their common plane before and after, (G,) m.
+    ``dof``; RMS of each plane's points about their common plane before and after, (G,) m;
+    ``rejected`` faces, left out as wrong matches. Of scenario D alone: the ``trajectory``'s errors,
+    and the factors on the specified sigma where variance ``components`` were estimated.
     """
 
     scenario: str
@@ -34,6 +52,9 @@ class CalibrationResult:
     rms_after: np.ndarray
     points_per_plane: np.ndarray
     observability: Observability
+    rejected: tuple[Rejection, ...] = ()
+    trajectory: TrajectoryErrors | None = None
+    components: dict[str, float] | None = None
 
     @property
     def n_planes(self) -> int:

@@ -1,0 +1,42 @@
+"""One door to all five estimators: SL, A, B, C of the paper and D, ours."""
+
+from dataclasses import replace
+
+from paperrepro.adjustment import scenarios, trajectory
+from paperrepro.adjustment.matched import MatchedFaces
+from paperrepro.adjustment.result import CalibrationResult
+from paperrepro.adjustment.screening import screen
+from paperrepro.errors import BadInput
+from paperrepro.survey import Survey
+
+PAPER_SCENARIOS = tuple(scenarios.SCENARIOS)
+SCENARIO_NAMES = (*PAPER_SCENARIOS, "D")
+
+
+def calibrate(
+    survey: Survey,
+    matched: MatchedFaces,
+    scenario: str,
+    robust: bool = True,
+    components: bool = False,
+) -> CalibrationResult:
+    """Estimate the boresight by ``scenario``, from ``survey.mounting``'s as start.
+
+    ``robust``: faces that miss their plane are left out first, and reported (`screening`).
+    ``components``: scenario D estimates variance components. Raises `BadInput` for an unknown
+    scenario, `TooFewPlanes`, `RankDefect`, `NoConvergence`.
+    """
+    if scenario not in SCENARIO_NAMES:
+        raise BadInput(
+            f"scenario {scenario!r}: expected one of {', '.join(SCENARIO_NAMES)}; name one of them"
+        )
+    rejected = ()
+    if robust:
+        screening = screen(survey, matched)
+        rejected = screening.rejected
+        matched = matched.subset(screening.kept) if rejected else matched
+    if scenario == "D":
+        result = trajectory.calibrate_with_trajectory(survey, matched, components=components)
+    else:
+        result = scenarios.calibrate(survey, matched, scenario)
+    return replace(result, rejected=rejected)

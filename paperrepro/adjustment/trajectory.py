@@ -1,0 +1,124 @@
+"""Scenario D: boresight, range offsets and planes together with the trajectory's error.
+
+GNSS/INS errors last for seconds to minutes. An adjustment that takes each laser point's pose error
+as independent averages over thousands of points what in truth is one error per fly-over, and its
+sigma is too small by a factor of ten. Here the error is an unknown: a first-order Gauss-Markov
+process estimated in the same Gauss-Helmert adjustment, as in the paper's Eq. (3)-(4) otherwise.
+"""
+
+import numpy as np
+
+from paperrepro.adjustment.faces import face_states
+from paperrepro.adjustment.gauss_markov import GaussMarkov
+from paperrepro.adjustment.matched import MatchedFaces
+from paperrepro.adjustment.observability import Observability, require_determined
+from paperrepro.adjustment.result import CalibrationResult, TrajectoryErrors
+from paperrepro.adjustment.trajectory_solver import (
+    DataNormals,
+    State,
+    Step,
+    TrajectoryModel,
+    iterate,
+    prior_chi2,
+)
+from paperrepro.adjustment.variance_components import VarianceComponents, estimate
+from paperrepro.survey import Navigation, Survey
+
+#: Seconds between nodes. Between nodes a second apart an APX-15's heading wanders by 0.01 deg,
+#: which thousands of points see; at a quarter of a second what is left no longer matters.
+NODE_SPACING = 0.25
+
+
+def specified_process(navigation: Navigation) -> GaussMarkov:
+    """The Gauss-Markov process that a GNSS/INS specification describes."""
+    sigma = np.concatenate([navigation.position_sigma, navigation.attitude_sigma])
+    return GaussMarkov(sigma, np.full(6, navigation.correlation_time))
+
+
+def calibrate_with_trajectory(
+    survey: Survey,
+    matched: MatchedFaces,
+    range_offsets: str = "per_ring",
+    components: bool = False,
+    spacing: float = NODE_SPACING,
+) -> CalibrationResult:
+    """Scenario D, from ``survey.mounting``'s boresight as start.
+
+    The prior is ``survey.navigation``'s specification; with ``components`` its sigma, the laser's
+    and the correlation time are estimated from the data. The covariance is that of the stated (or
+    estimated) noise, not scaled by sigma0. Raises `BadInput`, `RankDefect`, `NoConvergence`.
+    """
+    model = TrajectoryModel.prepare(survey, matched, range_offsets, spacing)
+    prior, state, factors = specified_process(survey.navigation), model.start(), None
+    start = state.x
+    if components:
+        factors, state = estimate(model, prior, state)
+        model, prior = factors.apply(model), factors.prior(prior)
+    state, step, data, iterations = iterate(model, prior, state)
+    return _result(model, prior, start, state, step, data, iterations, factors)
+
+
+def _result(
+    model: TrajectoryModel,
+    prior: GaussMarkov,
+    start: np.ndarray,
+    state: State,
+    step: Step,
+    data: DataNormals,
+    iterations: int,
+    factors: VarianceComponents | None,
+) -> CalibrationResult:
+    matched, u, unknowns = model.matched, len(state.x), model.unknowns
+    observability = _observability(step.S, u, model.pseudo_weight)
+    require_determined(observability)
+    Q = np.linalg.inv(step.S)
+    planes, Q_planes = _planes_in_map(model, state, Q)
+    chi2 = data.chi2 + prior_chi2(prior, model.nodes.time, state.error)
+    chi2 += float(model.pseudo_weight @ np.square(state.x))
+    dof = len(matched.rays) + np.count_nonzero(model.pseudo_weight) - len(Q)
+    after = face_states(matched.rays, matched.plane_ranges, unknowns, state.x)
+    return CalibrationResult(
+        scenario="D",
+        mounting=unknowns.mounting,
+        boresight=state.x[:3],
+        range_offsets=unknowns.offsets(state.x) if u > 3 else None,
+        covariance=Q[:u, :u],
+        planes=planes,
+        covariance_planes=Q_planes,
+        sigma0=float(np.sqrt(chi2 / dof)),
+        dof=dof,
+        iterations=iterations,
+        converged=True,
+        n_points=len(matched.rays),
+        n_conditions=len(matched.rays),
+        rms_before=face_states(matched.rays, matched.plane_ranges, unknowns, start).rms,
+        rms_after=after.rms,
+        points_per_plane=after.count,
+        observability=observability,
+        trajectory=_errors(model, state, step, Q),
+        components=None if factors is None else vars(factors).copy(),
+    )
+
+
+def _observability(S: np.ndarray, u: int, pseudo: np.ndarray) -> Observability:
+    """Of the unknowns (u,), planes and trajectory being free; pseudo-observations apart."""
+    plane = S[u:, u:]
+    S_x = S[:u, :u] - S[:u, u:] @ np.linalg.solve(plane, S[u:, :u]) - np.diag(pseudo)
+    return Observability.of((S_x + S_x.T) / 2, pseudo)
+
+
+def _planes_in_map(model: TrajectoryModel, state: State, Q: np.ndarray):
+    """Planes (G, 4) with d from the m-frame's origin, and their covariances (G, 4, 4)."""
+    u, n_planes = len(state.x), len(state.planes)
+    own = u + 3 * np.arange(n_planes)[:, None] + np.arange(3)
+    to_map = np.tile(np.eye(4), (n_planes, 1, 1))
+    to_map[:, 3, :3] = model.origin
+    J = to_map @ state.bases()
+    planes = np.einsum("gab,gb->ga", to_map, state.planes)
+    return planes, J @ Q[own[:, :, None], own[:, None, :]] @ J.transpose(0, 2, 1)
+
+
+def _errors(model: TrajectoryModel, state: State, step: Step, Q: np.ndarray) -> TrajectoryErrors:
+    given_rest = np.einsum("kcc->kc", step.factor.inverse_diagonal())
+    through_rest = np.einsum("kcy,kcy->kc", step.coupling @ Q, step.coupling)
+    return TrajectoryErrors(model.nodes.time, state.error, np.sqrt(given_rest + through_rest))

@@ -1,0 +1,135 @@
+"""Normal equations of scenario D: the point-on-plane condition with the pose error as an unknown.
+
+Points of one face between two neighbouring nodes form a cell. All of a cell's points share one
+plane and two nodes, so a cell's normal equations are one small dense block; blocks are summed cell
+by cell, independent of the number of threads.
+"""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from paperrepro.adjustment.gauss_markov import Nodes
+from paperrepro.adjustment.matched import MatchedFaces
+from paperrepro.adjustment.normals import Unknowns, _adjusted, columns
+from paperrepro.survey import Rays
+
+N_NODES = 12  # two nodes of six components
+N_PLANE = 4
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Rays sorted by cell: cell ``c`` has rows ``ranges[c]``, lies on ``plane[c]`` in face
+    ``face[c]`` and between nodes ``node[c]`` and the next; ``share`` (N,) of the latter for each
+    ray."""
+
+    rays: Rays
+    share: np.ndarray
+    ranges: np.ndarray
+    plane: np.ndarray
+    face: np.ndarray
+    node: np.ndarray
+
+    @classmethod
+    def of(cls, matched: MatchedFaces, nodes: Nodes) -> "Cells":
+        face = np.repeat(np.arange(len(matched.ranges)), np.diff(matched.ranges, axis=1)[:, 0])
+        node, share = nodes.locate(matched.rays.time)
+        key = face * len(nodes.time) + node
+        order = np.argsort(key, kind="stable")
+        first = np.flatnonzero(np.r_[True, np.diff(key[order]) > 0])
+        ranges = np.column_stack([first, np.r_[first[1:], len(key)]]).astype(np.int64)
+        chosen = order[first]
+        face_of_cell = face[chosen]
+        return cls(
+            matched.rays.take(order), share[order], ranges,
+            matched.plane[face_of_cell], face_of_cell, node[chosen],
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class CellBlocks:
+    """``N`` (C, u + 16, u + 16), ``t`` (C, u + 16): unknowns, plane, node before, node after;
+    ``chi2`` (C,) weighted squared residuals; ``N dx + t = 0`` at the solution step."""
+
+    N: np.ndarray
+    t: np.ndarray
+    chi2: np.ndarray
+
+
+def cell_blocks(
+    cells: Cells,
+    origin: np.ndarray,
+    planes: np.ndarray,
+    unknowns: Unknowns,
+    x: np.ndarray,
+    error: np.ndarray,
+    variances: np.ndarray,
+    weight: np.ndarray,
+) -> CellBlocks:
+    """`CellBlocks` at ``x``, ``planes`` (G, 4) with d from ``origin`` (G, 3), pose errors ``error``
+    (K, 6) m and rad, and ``variances`` (9,) of the observations, free of what the error stands for;
+    ``weight`` (F,) multiplies the weights of a face's points.
+    """  # fmt: skip
+    size = unknowns.size + N_PLANE + N_NODES
+    n_cells = len(cells.ranges)
+    N, t, chi2 = np.zeros((n_cells, size, size)), np.zeros((n_cells, size)), np.zeros(n_cells)
+    _cell_blocks(
+        *columns(cells.rays), cells.share, cells.ranges, cells.node, origin[cells.plane],
+        planes[cells.plane], weight[cells.face], error, *unknowns.kernel_arguments(x), variances,
+        N, t, chi2,
+    )  # fmt: skip
+    lower = np.tril_indices(size, -1)
+    N[:, lower[0], lower[1]] = N[:, lower[1], lower[0]]
+    return CellBlocks(N, t, chi2)
+
+
+@numba.njit(cache=True, parallel=True)
+def _cell_blocks(
+    pose, ring, azimuth, elevation, rho, share, ranges, node, origin, planes, weight, error,
+    R_l_b, dR_l_b, lever, offsets, ring_column, variances, N, t, chi2,
+):  # fmt: skip
+    for c in numba.prange(len(ranges)):
+        obs, v, shifted = np.empty(9), np.empty(9), np.empty(9)
+        p, J_x, J_l = np.empty(3), np.empty((3, 4)), np.empty((3, 9))
+        row, where = np.empty(20), np.empty(20, np.int64)
+        before, after, n_x = error[node[c]], error[node[c] + 1], t.shape[1] - 16
+        for i in range(ranges[c, 0], ranges[c, 1]):
+            obs[:6] = pose[i] + (1 - share[i]) * before + share[i] * after
+            obs[6], obs[7], obs[8] = rho[i], azimuth[i], elevation[i]
+            w, s = _adjusted(
+                obs, v, shifted, planes[c], origin[c], R_l_b, dR_l_b, lever, offsets[ring[i]],
+                variances, p, J_x, J_l,
+            )  # fmt: skip
+            _row(planes[c], origin[c], p, J_x, J_l, share[i], ring_column[ring[i]], n_x, row, where)
+            _add(row, where, w, weight[c] / s, N[c], t[c])
+            chi2[c] += weight[c] * w * w / s
+
+
+@numba.njit(cache=True)
+def _row(plane, origin, p, J_x, J_l, share, column, n_x, row, where):
+    """Entries of a row of A: angles, the ring's offset, n and d, six of each node."""
+    for k in range(4):
+        row[k] = plane[0] * J_x[0, k] + plane[1] * J_x[1, k] + plane[2] * J_x[2, k]
+        where[k] = k
+    where[3] = column
+    if column < 0:  # held: a zero entry, anywhere
+        row[3], where[3] = 0.0, 2
+    for j in range(3):
+        row[4 + j] = p[j] - origin[j]
+    row[7] = -1.0
+    for m in range(6):
+        b = plane[0] * J_l[0, m] + plane[1] * J_l[1, m] + plane[2] * J_l[2, m]
+        row[8 + m], row[14 + m] = (1 - share) * b, share * b
+    for k in range(16):
+        where[4 + k] = n_x + k
+
+
+@numba.njit(cache=True)
+def _add(row, where, w, weight, N, t):
+    for a in range(20):
+        scaled = weight * row[a]
+        t[where[a]] += scaled * w
+        for b in range(a, 20):
+            N[where[a], where[b]] += scaled * row[b]

@@ -1,0 +1,220 @@
+"""The adjustment of scenario D: the error of the trajectory as an unknown beside all others.
+
+The sparse structure is used: the nodes of the error are eliminated first, in time proportional to
+the flight (`block_tridiagonal`); what remains is dense in boresight, offsets and planes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from paperrepro.adjustment.block_tridiagonal import Factor, factorise
+from paperrepro.adjustment.faces import face_states
+from paperrepro.adjustment.gauss_markov import N_COMPONENTS, GaussMarkov, Nodes
+from paperrepro.adjustment.matched import MatchedFaces, require_spread
+from paperrepro.adjustment.normals import Unknowns, observation_variances
+from paperrepro.adjustment.trajectory_normals import CellBlocks, Cells, cell_blocks
+from paperrepro.errors import BadInput, NoConvergence
+from paperrepro.survey import Survey
+
+MAX_ITERATIONS = 50
+TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class TrajectoryModel:
+    """The conditions of scenario D on given faces."""
+
+    matched: MatchedFaces
+    unknowns: Unknowns
+    nodes: Nodes
+    cells: Cells
+    origin: np.ndarray
+    variances: np.ndarray
+    pseudo_weight: np.ndarray
+    weight: np.ndarray
+
+    @classmethod
+    def prepare(
+        cls, survey: Survey, matched: MatchedFaces, range_offsets: str, spacing: float
+    ) -> "TrajectoryModel":
+        if matched.rays.time is None:
+            raise BadInput(
+                "scenario D: expected rays with their times, got none; build them from strips"
+            )
+        unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, range_offsets)
+        states = face_states(matched.rays, matched.plane_ranges, unknowns, unknowns.start())
+        require_spread(states.plane[:, :3])
+        nodes = Nodes.covering(matched.rays.time, spacing)
+        variances = observation_variances(survey.navigation, survey.scanner)
+        variances[:N_COMPONENTS] = 0.0  # the error that these stand for is an unknown now
+        pseudo = np.zeros(unknowns.size)
+        pseudo[3:] = survey.scanner.range_offset_sigma**-2.0
+        weight = np.ones(len(matched.ranges))
+        cells = Cells.of(matched, nodes)
+        return cls(matched, unknowns, nodes, cells, states.centroid, variances, pseudo, weight)
+
+    def start(self) -> "State":
+        x = self.unknowns.start()
+        planes = face_states(self.matched.rays, self.matched.plane_ranges, self.unknowns, x).plane
+        planes[:, 3] -= np.einsum("ga,ga->g", planes[:, :3], self.origin)
+        return State(x, planes, np.zeros((len(self.nodes.time), N_COMPONENTS)))
+
+    def normals(self, state: "State") -> "DataNormals":
+        """Normal equations of the conditions alone, at ``state``."""
+        blocks = cell_blocks(
+            self.cells, self.origin, state.planes, self.unknowns, state.x, state.error,
+            self.variances, self.weight,
+        )  # fmt: skip
+        return assemble(blocks, self.cells, state, len(self.nodes.time))
+
+
+@dataclass(frozen=True)
+class State:
+    """``x`` (u,), ``planes`` (G, 4) with d from their origins, ``error`` (K, 6) of the nodes: what
+    must be added to the reported poses, m and rad."""
+
+    x: np.ndarray
+    planes: np.ndarray
+    error: np.ndarray
+
+    def bases(self) -> np.ndarray:
+        """(G, 4, 3): the directions in which a plane can move at unit norm, two turns and d."""
+        n = self.planes[:, :3]
+        _, _, rows = np.linalg.svd(n[:, None, :])  # rows 1, 2 span what is square to n
+        Z = np.zeros((len(n), 4, 3))
+        Z[:, :3, :2] = rows[:, 1:].transpose(0, 2, 1)
+        Z[:, 3, 2] = 1.0
+        return Z
+
+    def moved(self, dy: np.ndarray, d_error: np.ndarray) -> "State":
+        """After corrections ``dy`` (u + 3 G,) and ``d_error`` (K, 6)."""
+        size = len(self.x)
+        planes = self.planes + np.einsum("gab,gb->ga", self.bases(), dy[size:].reshape(-1, 3))
+        planes[:, :3] /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+        return State(self.x + dy[:size], planes, self.error + d_error)
+
+
+@dataclass(frozen=True)
+class DataNormals:
+    """Normal equations of the conditions: ``y`` is the unknowns and three of each plane.
+
+    ``N_yy`` (Y, Y), ``t_y`` (Y,); ``N_ty`` (K, 6, Y), ``t_t`` (K, 6); diagonal blocks ``D``
+    (K, 6, 6) and those above them ``E`` (K - 1, 6, 6) of the nodes; ``chi2``.
+    """
+
+    N_yy: np.ndarray
+    t_y: np.ndarray
+    N_ty: np.ndarray
+    t_t: np.ndarray
+    D: np.ndarray
+    E: np.ndarray
+    chi2: float
+
+    def scaled(self, factor: float) -> "DataNormals":
+        """With all weights multiplied by ``factor``."""
+        return DataNormals(*(factor * part for part in vars(self).values()))
+
+
+def assemble(blocks: CellBlocks, cells: Cells, state: State, n_nodes: int) -> DataNormals:
+    """Sum the cells' blocks into place."""
+    u, n_planes = len(state.x), len(state.planes)
+    Z = state.bases()[cells.plane]
+    N = _reduce_planes(blocks.N, Z, u)
+    t = np.concatenate(
+        [blocks.t[:, :u], np.einsum("cab,ca->cb", Z, blocks.t[:, u : u + 4]), blocks.t[:, u + 4 :]],
+        axis=1,
+    )
+    size = u + 3 * n_planes
+    y_of = np.concatenate(
+        [np.tile(np.arange(u), (len(Z), 1)), u + 3 * cells.plane[:, None] + np.arange(3)], axis=1
+    )
+    N_yy, t_y = np.zeros((size, size)), np.zeros(size)
+    np.add.at(N_yy, (y_of[:, :, None], y_of[:, None, :]), N[:, : u + 3, : u + 3])
+    np.add.at(t_y, y_of, t[:, : u + 3])
+    N_ty, t_t = np.zeros((n_nodes, N_COMPONENTS, size)), np.zeros((n_nodes, N_COMPONENTS))
+    D, E = np.zeros((n_nodes, 6, 6)), np.zeros((n_nodes - 1, 6, 6))
+    component = np.arange(N_COMPONENTS)
+    for after in (0, 1):
+        rows = slice(u + 3 + 6 * after, u + 9 + 6 * after)
+        node = cells.node + after
+        place = (node[:, None, None], component[None, :, None], y_of[:, None, :])
+        np.add.at(N_ty, place, N[:, rows, : u + 3])
+        np.add.at(t_t, node, t[:, rows])
+        np.add.at(D, node, N[:, rows, rows])
+    np.add.at(E, cells.node, N[:, u + 3 : u + 9, u + 9 : u + 15])
+    return DataNormals(N_yy, t_y, N_ty, t_t, D, E, float(blocks.chi2.sum()))
+
+
+def _reduce_planes(N: np.ndarray, Z: np.ndarray, u: int) -> np.ndarray:
+    """Blocks (C, u + 15, u + 15) with each plane's four parameters replaced by its three."""
+    L = np.zeros((len(N), u + 16, u + 15))
+    L[:, :u, :u] = np.eye(u)
+    L[:, u : u + 4, u : u + 3] = Z
+    L[:, u + 4 :, u + 3 :] = np.eye(12)
+    return L.transpose(0, 2, 1) @ N @ L
+
+
+@dataclass(frozen=True)
+class Step:
+    """One elimination: corrections, the Schur complement ``S`` (Y, Y) of ``y``, the nodes' factor,
+    their ``coupling`` (K, 6, Y) ``N_tt^-1 N_ty``, and by how much the step lowers the sum of
+    squares, ``decrement``."""
+
+    dy: np.ndarray
+    d_error: np.ndarray
+    S: np.ndarray
+    factor: Factor
+    coupling: np.ndarray
+    decrement: float
+
+
+def eliminate(
+    data: DataNormals, prior: GaussMarkov, time: np.ndarray, state: State, pseudo: np.ndarray
+) -> Step:
+    """Eliminate the nodes, solve for boresight, offsets and planes, and substitute back."""
+    diagonal, beside, _ = prior.information(time)
+    D, E = data.D.copy(), data.E.copy()
+    place = np.arange(N_COMPONENTS)
+    D[:, place, place] += diagonal
+    E[:, place, place] += beside
+    t_t = data.t_t + diagonal * state.error
+    t_t[:-1] += beside * state.error[1:]
+    t_t[1:] += beside * state.error[:-1]
+    factor = factorise(D, E)
+    right = np.concatenate([data.N_ty, t_t[:, :, None]], axis=2)
+    solved = factor.solve(right)
+    u = len(state.x)
+    S = data.N_yy - np.einsum("kcy,kcz->yz", data.N_ty, solved[:, :, :-1])
+    t_y = data.t_y.copy()
+    t_y[:u] += pseudo * state.x
+    t = t_y - np.einsum("kcy,kc->y", data.N_ty, solved[:, :, -1])
+    S[np.arange(u), np.arange(u)] += pseudo
+    S = (S + S.T) / 2
+    scale = 1 / np.sqrt(np.diag(S))
+    dy = -scale * np.linalg.solve(S * np.outer(scale, scale), scale * t)
+    d_error = -solved[:, :, -1] - np.einsum("kcy,y->kc", solved[:, :, :-1], dy)
+    decrement = -float(t_y @ dy + (t_t * d_error).sum())
+    return Step(dy, d_error, S, factor, solved[:, :, :-1], decrement)
+
+
+def prior_chi2(prior: GaussMarkov, time: np.ndarray, error: np.ndarray) -> float:
+    """``e' Lambda e`` of node errors (K, 6)."""
+    diagonal, beside, _ = prior.information(time)
+    return float((diagonal * error**2).sum() + 2 * (beside * error[1:] * error[:-1]).sum())
+
+
+def iterate(
+    model: TrajectoryModel, prior: GaussMarkov, state: State
+) -> tuple[State, Step, DataNormals, int]:
+    """Gauss-Newton from ``state``; raises `NoConvergence`."""
+    for iteration in range(1, MAX_ITERATIONS + 1):
+        data = model.normals(state)
+        step = eliminate(data, prior, model.nodes.time, state, model.pseudo_weight)
+        state = state.moved(step.dy, step.d_error)
+        if max(np.abs(step.dy).max(), np.abs(step.d_error).max()) < TOLERANCE:
+            return state, step, data, iteration
+    raise NoConvergence(
+        f"scenario D: no convergence after {MAX_ITERATIONS} iterations, last correction "
+        f"{np.abs(step.dy).max():.2e} (limit {TOLERANCE:.0e}); look for wrong matches"
+    )
