@@ -43,6 +43,23 @@ TABLE1 = {
     ("F7", "F8"): (100, "West-East"),
 }
 
+#: Parameters of the segmentation by their names in `RoofParameters`; ".0", ".1" end a range.
+TABLE2 = {
+    "ground.cell_m": Published(1.0, "m", "Table 2", "input"),
+    "ground.base_cells": Published(2, "1", "Table 2", "input"),
+    "ground.slope": Published(0.05, "1", "Table 2", "input"),
+    "ground.largest_threshold_m": Published(10.0, "m", "Table 2", "input"),
+    "ransac.min_inliers": Published(15, "1", "Table 2", "input"),
+    "ransac.tolerance_m": Published(0.10, "m", "Table 2", "input"),
+    "ransac.max_sets": Published(10, "1", "Table 2", "input"),
+    "ransac.slope_deg.0": Published(10.0, "deg", "Table 2", "input"),
+    "ransac.slope_deg.1": Published(80.0, "deg", "Table 2", "input"),
+    "growing.size.0": Published(40, "1", "Table 2", "input"),
+    "growing.size.1": Published(500, "1", "Table 2", "input"),
+    "growing.angle_deg": Published(1.0, "deg", "Table 2", "input"),
+    "growing.max_gap_m": Published(4.0, "m", "Table 2", "input"),
+}
+
 #: Share of the point-to-plane error before calibration that a method leaves, Table 5.
 TABLE5 = {
     "SL": Published(0.80, "1", "Table 5", "ordering"),
