@@ -12,14 +12,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from paperrepro.adjustment.calibration import calibrate
-from paperrepro.adjustment.matched import MatchedFaces
+from paperrepro.adjustment.matched import MatchedFaces, Rejection
 from paperrepro.adjustment.refinement import refine
 from paperrepro.adjustment.result import CalibrationResult
+from paperrepro.adjustment.screening import screen
 from paperrepro.errors import NoConvergence
 from paperrepro.georeference import georeference
-from paperrepro.matching import FacePair, MatchParameters, match
+from paperrepro.matching import FaceKey, FacePair, MatchParameters, match
 from paperrepro.segmentation.roofs import RoofParameters, Roofs, candidates, extract
 from paperrepro.survey import Mounting, Rays, Survey
+
+#: One physical face by its views.
+Tie = tuple[FaceKey, ...]
 
 #: The paper's steps, in its order; Fig. 3 is drawn from these names.
 STAGES = (
@@ -84,11 +88,12 @@ class RoofSurvey:
     mounting: Mounting
     roofs: dict[str, Roofs]
     pairs: tuple[FacePair, ...]
-    ties: tuple[tuple[tuple[str, int], ...], ...]
+    ties: tuple[Tie, ...]
     matched: MatchedFaces
-    keys: tuple[tuple[str, int], ...]
+    keys: tuple[FaceKey, ...]
     gables: np.ndarray
     boresights: np.ndarray
+    rejected: tuple[Rejection, ...]
 
     def views(self, points: Candidates) -> list[tuple[str, np.ndarray]]:
         """Each matched face as (strip, indices into the strip), in the order of ``keys``."""
@@ -128,7 +133,8 @@ def find_roofs(
         mounting, step = mounting.with_calibration(boresights[-1]), params.fine
     raise NoConvergence(
         f"the roofs did not settle in {params.max_passes} passes, last change "
-        f"{np.rad2deg(change):.3f} deg (limit {params.settled_deg} deg); look for wrong matches, or start closer to the mounting"
+        f"{np.rad2deg(change):.3f} deg (limit {params.settled_deg} deg); "
+        "look for wrong matches, or start closer to the mounting"
     )
 
 
@@ -144,21 +150,43 @@ def roofs_under(
         roofs[name] = extract(georeference(rays[name], mounting), step.roofs, rng)
     matches = match(roofs, step.matching)
     ties = tuple(tie for tie in matches.tie_planes() if len(tie) > 1)
+    matched, keys = _matched_faces(rays, roofs, ties, matches.pairs)
+    screening = screen(survey, matched)
+    if screening.rejected:
+        kept = {key for key, keep in zip(keys, screening.kept, strict=True) if keep}
+        ties = tuple(tie for tie in (_only(tie, kept) for tie in ties) if len(tie) > 1)
+        matched, keys = _matched_faces(rays, roofs, ties, matches.pairs)
+    gables = _gables(roofs, {key: position for position, key in enumerate(keys)})
+    found = np.array([mounting.boresight])
+    return RoofSurvey(
+        mounting, roofs, matches.pairs, ties, matched, keys, gables, found, screening.rejected
+    )
+
+
+def _only(tie: Tie, kept: set[FaceKey]) -> Tie:
+    return tuple(key for key in tie if key in kept)
+
+
+def _matched_faces(
+    rays: dict[str, Rays], roofs: dict[str, Roofs], ties: tuple[Tie, ...], pairs
+) -> tuple[MatchedFaces, tuple[FaceKey, ...]]:
+    """The faces of ``ties`` as the adjustment takes them, and their keys in that order."""
     keys = tuple(key for tie in ties for key in tie)
-    faces = [rays[strip].take(roofs[strip].faces[face].points) for strip, face in keys]
     number = {key: position for position, key in enumerate(keys)}
     matched = MatchedFaces.build(
-        faces,
+        [rays[strip].take(roofs[strip].faces[face].points) for strip, face in keys],
         [strip for strip, _ in keys],
         [[number[key] for key in tie] for tie in ties],
-        [(number[p.reference], number[p.search]) for p in matches.pairs],
+        [
+            (number[pair.reference], number[pair.search])
+            for pair in pairs
+            if pair.reference in number and pair.search in number
+        ],
     )
-    gables = _gables(roofs, number)
-    boresight = np.array([mounting.boresight])
-    return RoofSurvey(mounting, roofs, matches.pairs, ties, matched, keys, gables, boresight)
+    return matched, keys
 
 
-def _gables(roofs: dict[str, Roofs], number: dict[tuple[str, int], int]) -> np.ndarray:
+def _gables(roofs: dict[str, Roofs], number: dict[FaceKey, int]) -> np.ndarray:
     """(K, 2) matched faces that make a gable, left and right."""
     both = [
         (number[name, gable.left], number[name, gable.right])
