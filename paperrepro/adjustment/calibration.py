@@ -30,13 +30,15 @@ def calibrate(
         raise BadInput(
             f"scenario {scenario!r}: expected one of {', '.join(SCENARIO_NAMES)}; name one of them"
         )
-    rejected = ()
+    rejected, near = (), None
     if robust:
         screening = screen(survey, matched)
-        rejected = screening.rejected
+        rejected, near = screening.rejected, screening.boresight
         matched = matched.subset(screening.kept) if rejected else matched
     if scenario == "D":
-        result = trajectory.calibrate_with_trajectory(survey, matched, components=components)
+        result = trajectory.calibrate_with_trajectory(
+            survey, matched, components=components, near=near
+        )
     else:
-        result = scenarios.calibrate(survey, matched, scenario)
+        result = scenarios.calibrate(survey, matched, scenario, near)
     return replace(result, rejected=rejected)

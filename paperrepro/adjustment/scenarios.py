@@ -54,14 +54,19 @@ SCENARIOS = {
 }
 
 
-def calibrate(survey: Survey, matched: MatchedFaces, scenario: str | Scenario) -> CalibrationResult:
-    """Estimate the boresight from ``survey.mounting``'s as start.
+def calibrate(
+    survey: Survey,
+    matched: MatchedFaces,
+    scenario: str | Scenario,
+    near: np.ndarray | None = None,
+) -> CalibrationResult:
+    """Estimate the boresight from ``survey.mounting``'s as start, or from ``near`` (3,) rad.
 
     Raises `BadInput` for an unknown scenario, `TooFewPlanes`, `RankDefect`, `NoConvergence`.
     """
     model = _Model.prepare(survey, matched, _by_name(scenario))
     x = model.unknowns.start()
-    solution = model.solve(x)
+    solution = model.solve(x if near is None else np.r_[near, x[3:]])
     return _result(model, x, solution)
 
 

@@ -32,9 +32,11 @@ _LEAST_WEIGHT = 1e-9
 
 @dataclass(frozen=True)
 class Screening:
-    """``kept`` (F,) bool of the faces, and the ``rejected`` ones."""
+    """``kept`` (F,) bool of the faces, the ``rejected`` ones, and the ``boresight`` (3,) rad on
+    which the kept ones agree: near that of any scenario, so a good place to start from."""
 
     kept: np.ndarray
+    boresight: np.ndarray
     rejected: tuple[Rejection, ...]
 
 
@@ -60,7 +62,7 @@ def screen(survey: Survey, matched: MatchedFaces) -> Screening:
         weight = _weights(ratio, control)
         control *= 1.6
     kept = misfit <= limit
-    return Screening(kept, problem.rejections(x, kept, misfit, limit))
+    return Screening(kept, x[:3], problem.rejections(x, kept, misfit, limit))
 
 
 def _weights(ratio: np.ndarray, control: float) -> np.ndarray:

@@ -41,16 +41,18 @@ def calibrate_with_trajectory(
     range_offsets: str = "per_ring",
     components: bool = False,
     spacing: float = NODE_SPACING,
+    near: np.ndarray | None = None,
 ) -> CalibrationResult:
-    """Scenario D, from ``survey.mounting``'s boresight as start.
+    """Scenario D, from ``survey.mounting``'s boresight as start, or from ``near`` (3,) rad.
 
     The prior is ``survey.navigation``'s specification; with ``components`` its sigma, the laser's
     and the correlation time are estimated from the data. The covariance is that of the stated (or
     estimated) noise, not scaled by sigma0. Raises `BadInput`, `RankDefect`, `NoConvergence`.
     """
     model = TrajectoryModel.prepare(survey, matched, range_offsets, spacing)
-    prior, state, factors = specified_process(survey.navigation), model.start(), None
-    start = state.x
+    prior, factors = specified_process(survey.navigation), None
+    start = model.unknowns.start()
+    state = model.start(start if near is None else np.r_[near, start[3:]])
     if components:
         factors, state = estimate(model, prior, state)
         model, prior = factors.apply(model), factors.prior(prior)

@@ -54,8 +54,8 @@ class TrajectoryModel:
         cells = Cells.of(matched, nodes)
         return cls(matched, unknowns, nodes, cells, states.centroid, variances, pseudo, weight)
 
-    def start(self) -> "State":
-        x = self.unknowns.start()
+    def start(self, x: np.ndarray) -> "State":
+        """``x`` (u,), the planes fitted under it, and no error of the trajectory."""
         planes = face_states(self.matched.rays, self.matched.plane_ranges, self.unknowns, x).plane
         planes[:, 3] -= np.einsum("ga,ga->g", planes[:, :3], self.origin)
         return State(x, planes, np.zeros((len(self.nodes.time), N_COMPONENTS)))
