@@ -18,20 +18,17 @@ def rmse_bars(ax: Axes, table: pd.DataFrame, floor_m: float) -> Axes:
     """
     colours = [SCENARIO_COLOURS[name] for name in table.scenario]
     bars = ax.bar(range(len(table)), CM * table.rmse_m, width=0.68, color=colours)
-    ax.bar_label(bars, fmt="%.1f", padding=2, fontsize=7.5)
-    ax.axhline(CM * floor_m, color=SCENARIO_COLOURS["truth"], lw=0.8, ls=(0, (4, 2)))
-    ax.annotate(
-        f"floor: true mounting, {CM * floor_m:.1f} cm",
-        (len(table) - 0.6, CM * floor_m),
-        (0, 22),
-        textcoords="offset points",
-        ha="right",
-        fontsize=7.5,
-        arrowprops={"arrowstyle": "-", "lw": 0.5},
-    )
+    ax.bar_label(bars, fmt="%.1f", padding=3, fontsize=7.5,
+                 bbox={"fc": "white", "ec": "none", "pad": 0.3})  # fmt: skip
+    ax.axhline(
+        CM * floor_m, color=SCENARIO_COLOURS["truth"], lw=0.8, ls=(0, (4, 2)),
+        label=f"floor, true mounting: {CM * floor_m:.1f} cm",
+    )  # fmt: skip
+    ax.legend(loc="upper right")
     ax.set_xticks(range(len(table)), [scenario_name(name) for name in table.scenario])
     ax.set_ylabel("RMSE of point-to-plane distances (cm)")
     ax.set_xlim(-0.6, len(table) - 0.4)
+    ax.set_ylim(0, 1.12 * CM * max(table.rmse_m.max(), floor_m))
     return ax
 
 
@@ -80,12 +77,14 @@ def histograms(
 
     ``words`` go under the panels' titles.
     """
-    for ax, (letter, name) in zip(axes, zip("abc", after.scenario.unique(), strict=True), strict=True):
+    for ax, (letter, name) in zip(
+        axes, zip("abc", after.scenario.unique(), strict=True), strict=True
+    ):
         histogram(ax, after, name)
         ax.set_title(f"({letter}) {scenario_name(name)}\n{words[name]}")
-        inset = ax.inset_axes([0.70, 0.62, 0.30, 0.34])
+        inset = ax.inset_axes([0.70, 0.60, 0.30, 0.34])
         histogram(inset, before, "before")
-        inset.set(xlabel="", yticks=[])
+        inset.set(xlabel="", yticks=[], facecolor="none")
         inset.set_title("before", fontsize=6.5, loc="center", pad=2)
         inset.spines["left"].set_visible(False)
         inset.tick_params(labelsize=6.5)
@@ -96,24 +95,30 @@ def histograms(
 def offset_strips(ax: Axes, table: pd.DataFrame, bounds_m: dict[str, float]) -> Axes:
     """Fig. 11: absolute vertical offsets at the virtual points, a column of dots for each step.
 
-    ``table`` has ``step``, ``scenario`` (for the colour) and ``offset_m``, one row per virtual
-    point; the bar is the mean, the number the largest. ``bounds_m`` are drawn as lines.
+    ``table`` has ``scenario``, ``stage`` (after which, "" for none) and ``offset_m``, one row per
+    virtual point; the bar is the mean, the number the largest. ``bounds_m`` are drawn as lines.
     """
-    steps = list(dict.fromkeys(table.step))
-    for x, step in enumerate(steps):
-        rows = table[table.step == step]
-        value = CM * rows.offset_m.abs().to_numpy()
-        jitter = 0.28 * np.linspace(-1, 1, len(value))
-        colour = SCENARIO_COLOURS[rows.scenario.iloc[0]]
-        ax.plot(x + jitter, value, "o", ms=2.2, mew=0, color=colour, alpha=0.8)
+    columns = table.groupby(["stage", "scenario"], sort=False).offset_m
+    for x, ((_, scenario), offset) in enumerate(columns):
+        value = CM * offset.abs().to_numpy()
+        jitter = 0.28 * np.linspace(-1, 1, len(value)) if len(value) > 1 else np.zeros(1)
+        ax.plot(x + jitter, value, "o", ms=2.2, mew=0, color=SCENARIO_COLOURS[scenario], alpha=0.8)
         ax.plot([x - 0.34, x + 0.34], [value.mean()] * 2, color="black", lw=1.1)
         ax.annotate(f"{value.max():.0f}", (x, value.max()), (0, 3), textcoords="offset points",
                     ha="center", fontsize=7)  # fmt: skip
+    stages, scenarios = zip(*(key for key, _ in columns), strict=True)
     for words, bound in bounds_m.items():
         ax.axhline(CM * bound, color="#4d4d4d", lw=0.7, ls=(0, (4, 2)))
-        ax.text(len(steps) - 0.45, CM * bound, words, ha="right", va="bottom", fontsize=7)
-    ax.set_xticks(range(len(steps)), steps)
-    ax.set_xlim(-0.55, len(steps) - 0.45)
-    ax.set_ylim(bottom=0)
+        ax.text(len(stages) - 0.45, CM * bound, words, ha="right", va="bottom", fontsize=7)
+    names = [scenario_name(name).split(" = ")[0] for name in scenarios]
+    ax.set_xticks(range(len(stages)), names)
+    for stage in dict.fromkeys(stages):
+        places = [x for x, of in enumerate(stages) if of == stage]
+        words = f"after {stage}" if stage else ""
+        ax.annotate(words, (np.mean(places), 0), (0, -22), xycoords=("data", "axes fraction"),
+                    textcoords="offset points", ha="center", fontsize=7.5)  # fmt: skip
+    ax.set_xlabel(" ")  # room for the stages' names
+    ax.set_xlim(-0.55, len(stages) - 0.45)
+    ax.set_ylim(0, 1.08 * CM * table.offset_m.abs().max())
     ax.set_ylabel("absolute vertical offset (cm)")
     return ax

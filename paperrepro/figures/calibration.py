@@ -10,12 +10,12 @@ ANGLE_NAMES = {"omega": "Δω (roll)", "phi": "Δφ (pitch)", "kappa": "Δκ (ya
 
 
 def angle_errors(ax: Axes, table: pd.DataFrame) -> Axes:
-    """Error of each angle, estimate minus truth, with bars of one and of two sigma.
+    """Error of each angle, estimate minus truth, with bars of one (thick) and of two sigma.
 
     ``table`` as `tables.table4` makes it.
     """
     scenarios = list(dict.fromkeys(table.scenario))
-    step = 0.8 / len(scenarios)
+    step = 0.72 / len(scenarios)
     for k, name in enumerate(scenarios):
         rows = table[table.scenario == name]
         x = np.arange(len(rows)) + (k - (len(scenarios) - 1) / 2) * step
@@ -27,23 +27,35 @@ def angle_errors(ax: Axes, table: pd.DataFrame) -> Axes:
     angles = list(dict.fromkeys(table.angle))
     ax.set_xticks(range(len(angles)), [ANGLE_NAMES[angle] for angle in angles])
     ax.set_ylabel("estimate − truth (°)")
-    ax.legend(ncols=2)
     return ax
 
 
-def range_offsets(ax: Axes, table: pd.DataFrame) -> Axes:
-    """Range offset of each ring: ``table`` has ``ring``, ``scenario``, ``offset_m``, ``sigma_m``
-    (NaN for the truth)."""
+def offset_table(truth_m: np.ndarray, estimates: dict[str, tuple[np.ndarray, np.ndarray]]):
+    """Range offsets of truth (16,) and ``estimates`` (offsets, sigmas): columns ring, scenario,
+    offset_m, centred_m (the mean of all rings removed) and sigma_m (NaN for the truth)."""
+    entries = {"truth": (truth_m, np.full(len(truth_m), np.nan)), **estimates}
+    return pd.concat(
+        [
+            pd.DataFrame({"ring": range(len(offset)), "scenario": name, "offset_m": offset,
+                          "centred_m": offset - np.mean(offset), "sigma_m": sigma})
+            for name, (offset, sigma) in entries.items()
+        ],
+        ignore_index=True,
+    )  # fmt: skip
+
+
+def range_offsets(ax: Axes, table: pd.DataFrame, column: str) -> Axes:
+    """Range offset of each ring, ``column`` of `offset_table`, with bars of two sigma."""
     for k, (name, rows) in enumerate(table.groupby("scenario", sort=False)):
-        colour, shift = SCENARIO_COLOURS[name], 0.16 * (k - 1)
-        if rows.sigma_m.isna().all():
-            ax.plot(rows.ring, 100 * rows.offset_m, "_", color=colour, ms=9, mew=1.5, label="truth")
+        colour, value = SCENARIO_COLOURS[name], 100 * rows[column]
+        if name == "truth":
+            ax.plot(rows.ring, value, "_", color=colour, ms=9, mew=1.6, label="truth")
         else:
-            ax.errorbar(rows.ring + shift, 100 * rows.offset_m, 200 * rows.sigma_m, fmt="o", ms=3,
-                        color=colour, elinewidth=0.8, label=f"{scenario_name(name)} ± 2σ")  # fmt: skip
+            ax.errorbar(rows.ring + 0.3 * (k - 1.5), value, 200 * rows.sigma_m, fmt="o", ms=3,
+                        color=colour, elinewidth=0.8,
+                        label=f"{scenario_name(name)} ± 2σ")  # fmt: skip
     ax.axhline(0.0, color="#4d4d4d", lw=0.5)
-    ax.set_xlabel("ring (0 looks 10° back, 15 looks 10° ahead)")
-    ax.set_ylabel("range offset Δρ (cm)")
+    ax.set_xlabel("ring")
     ax.set_xticks(range(0, 16, 3))
     return ax
 

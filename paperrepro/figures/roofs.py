@@ -3,16 +3,18 @@
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from paperrepro.figures import AXIS_COLOURS, GROUND
+from paperrepro.figures import GROUND
 from paperrepro.segmentation.roofs import Roofs
 
-#: Steps that a point can fall out at, in the order of drawing: colour and size.
+#: Steps that a point can fall out at, in the order of drawing: colour, size
+#: and words.
 FATES = {
-    "ground": (GROUND, 0.5),
-    "candidate": ("#0072b2", 1.2),
-    "outlier": ("#e6007e", 12.0),
+    "ground": (GROUND, 0.5, "ground"),
+    "candidate": ("#0072b2", 1.2, "candidate for a roof"),
+    "outlier": ("#e6007e", 12.0, "outlier"),
 }
 #: A pair of tones for each of the colours that gables take in turn, left and right face.
 FACE_TONES = (
@@ -25,7 +27,7 @@ FACE_TONES = (
 
 def fates(ax: Axes, x: np.ndarray, y: np.ndarray, fate: np.ndarray, size: float = 1.0) -> Axes:
     """Points in plan or section, coloured by what becomes of them; ``fate`` (N,) of `FATES`."""
-    for name, (colour, area) in FATES.items():
+    for name, (colour, area, _) in FATES.items():
         here = fate == name
         ax.scatter(x[here], y[here], s=size * area, color=colour, lw=0, rasterized=True,
                    zorder=3 if name == "outlier" else 2)  # fmt: skip
@@ -33,24 +35,24 @@ def fates(ax: Axes, x: np.ndarray, y: np.ndarray, fate: np.ndarray, size: float 
     return ax
 
 
-def fate_legend(ax: Axes, words: dict[str, str], **where) -> None:
-    """Legend of `fates`; ``words`` by name."""
+def fate_legend(figure: Figure) -> None:
+    """Legend of `fates`, below the figure."""
     handles = [
-        Line2D([], [], ls="", marker="o", color=FATES[name][0], label=text)
-        for name, text in words.items()
+        Line2D([], [], ls="", marker="o", color=colour, label=words)
+        for colour, _, words in FATES.values()
     ]
-    ax.figure.legend(handles=handles, ncols=len(handles), **where)
+    figure.legend(handles=handles, ncols=len(handles), loc="outside lower center")
 
 
 def faces(ax: Axes, p_m: np.ndarray, roofs: Roofs, size: float = 0.8) -> Axes:
-    """Candidates (N, 3) in plan, grey; faces in two tones for each gable; ridges; virtual points."""
+    """Candidates (N, 3) in plan, grey; each gable in two tones, its ridge and virtual point."""
     ax.scatter(*p_m[:, :2].T, s=0.5, color="#c8c8c8", lw=0, rasterized=True)
     for number, gable in enumerate(roofs.gables):
         tones = FACE_TONES[number % len(FACE_TONES)]
         for face, tone in zip((gable.left, gable.right), tones, strict=True):
             members = roofs.faces[face].points
             ax.scatter(*p_m[members, :2].T, s=size, color=tone, lw=0, rasterized=True)
-            ax.plot(*roofs.faces[face].centroid[:2], "o", ms=2.5, mfc="white", mec=tone, mew=0.8)
+            ax.plot(*roofs.faces[face].centroid[:2], "o", ms=3, mfc="white", mec="black", mew=0.6)
         ends = gable.virtual_point + gable.extent[:, None] * gable.ridge
         ax.plot(*ends[:, :2].T, color="black", lw=0.8)
         ax.plot(*gable.virtual_point[:2], "k*", ms=6, zorder=5)
@@ -63,28 +65,28 @@ def face_legend(ax: Axes) -> None:
     """Legend of `faces`."""
     handles = [
         Line2D([], [], ls="", marker="o", ms=3, color="#c8c8c8", label="candidate"),
-        Line2D([], [], ls="", marker="o", mfc="white", mec="#0072b2", label="centroid of a face"),
+        Line2D(
+            [],
+            [],
+            ls="",
+            marker="o",
+            ms=3,
+            mfc="white",
+            mec="black",
+            mew=0.6,
+            label="centroid of a face",
+        ),
         Line2D([], [], color="black", lw=0.8, label="ridge"),
         Line2D([], [], ls="", marker="*", color="black", ms=7, label="virtual point"),
     ]
-    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=4)
+    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
 
 
 def normal_errors(ax: Axes, table: pd.DataFrame) -> Axes:
-    """Error of each view's normal against its number of points: ``n_points``, ``error_deg``, ``beside_m``
-    (distance from the track, the colour)."""
+    """Error of each view's normal against its points: ``table`` has ``n_points``, ``error_deg`` and
+    ``beside_m``, the distance from the track, which is the colour."""
     dots = ax.scatter(table.n_points, table.error_deg, c=table.beside_m, s=12, lw=0)
     ax.figure.colorbar(dots, ax=ax, label="distance from the track (m)")
     ax.set(xscale="log", yscale="log")
     ax.set(xlabel="points on the face", ylabel="error of the normal (°)")
-    return ax
-
-
-def windows(ax: Axes, sizes: dict[str, list[int]], cell_m: float) -> Axes:
-    """The window sequences of the ground filter."""
-    for (name, values), colour in zip(sizes.items(), AXIS_COLOURS, strict=False):
-        ax.plot(range(1, len(values) + 1), np.multiply(values, cell_m), "o-", color=colour, label=name)
-    ax.set(xlabel="step k", ylabel="window (m)")
-    ax.set_ylim(bottom=0)
-    ax.legend()
     return ax

@@ -86,8 +86,8 @@ def _plan_axes(ax: Axes, extent_m) -> None:
 
 
 def trajectory_error(axes, table: pd.DataFrame, sigma: np.ndarray, spans: dict) -> None:
-    """Six panels of ``table`` (``time_s`` and the `COMPONENTS`, m and rad): what the GNSS/INS reports
-    minus the truth, with bands of one ``sigma`` (6,); ``spans`` are the strips' times, s."""
+    """Six panels of ``table`` (``time_s`` and the `COMPONENTS`, m and rad): the GNSS/INS minus the
+    truth, with bands of one ``sigma`` (6,); ``spans`` are the strips' times, s."""
     for k, (ax, name) in enumerate(zip(np.ravel(axes), COMPONENTS, strict=True)):
         scale, unit = (100.0, "cm") if k < 3 else (180 / np.pi, "°")
         ax.axhspan(-scale * sigma[k], scale * sigma[k], color="#e5e5e5", lw=0)
@@ -133,7 +133,7 @@ def density(ax: Axes, table: pd.DataFrame, height_m: float, crest: float) -> Axe
 
 
 def section(ax: Axes, across_m: np.ndarray, up_m: np.ndarray, kinds: np.ndarray) -> Axes:
-    """Points of a slice seen along the flight, coloured by what was hit; ``kinds`` (N,) of names."""
+    """Points of a slice along the flight, coloured by what was hit; ``kinds`` (N,) of names."""
     handles = []
     for name, (colour, words) in KINDS.items():
         here = kinds == name

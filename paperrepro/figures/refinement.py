@@ -1,0 +1,134 @@
+"""Fig. 5, 6 and 9: points projected on target planes, roof profiles under several mountings."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS, scenario_name
+from paperrepro.figures.calibration import ANGLE_NAMES
+
+TARGET, POINT, FOOT = "#0072b2", "#d55e00", "#000000"
+
+
+def projection(ax: Axes, target: np.ndarray, points: np.ndarray, feet: np.ndarray) -> Axes:
+    """Fig. 5 in section: points of the ``target`` face, its plane through the ``feet`` (N, 2)
+    of the projected ``points`` (N, 2), all as (across, up) m."""
+    ax.plot(*target.T, "o", ms=2, mew=0, color=TARGET, alpha=0.5, label="points of the target face")
+    ends = feet[[np.argmin(feet[:, 0]), np.argmax(feet[:, 0])]]
+    ax.plot(*ends.T, color=TARGET, lw=1.2, label="target plane $π_T$")
+    for point, foot in zip(points, feet, strict=True):
+        ax.plot(*np.array([point, foot]).T, color=FOOT, lw=0.6, ls=(0, (3, 2)))
+    ax.plot(*points.T, "o", ms=3.5, mew=0, color=POINT, label="points $p_j$ of the other strip")
+    ax.plot(*feet.T, "o", ms=3, mfc="white", mec=FOOT, mew=0.7, ls="", label="projections $p_T$")
+    ax.set_aspect("equal")
+    ax.set(xlabel="down the slope (m)", ylabel="up (m)")
+    ax.figure.legend(loc="outside lower center", ncols=2)
+    return ax
+
+
+@dataclass(frozen=True)
+class Section:
+    """A vertical section through ``origin`` (3,) m: ``along`` (3,) looks through it, ``across``
+    (3,) lies in it, level."""
+
+    origin: np.ndarray
+    along: np.ndarray
+    across: np.ndarray
+
+    @classmethod
+    def of_ridge(cls, left: np.ndarray, right: np.ndarray, near_m: np.ndarray) -> "Section":
+        """Across the ridge of two planes (4,) as (n, d), where it passes ``near_m`` (3,)."""
+        ridge = np.cross(left[:3], right[:3])
+        ridge /= np.linalg.norm(ridge)
+        origin = np.linalg.solve([left[:3], right[:3], ridge], [left[3], right[3], ridge @ near_m])
+        across = np.cross(ridge, [0.0, 0.0, 1.0])
+        return cls(origin, ridge, across / np.linalg.norm(across))
+
+    @classmethod
+    def down_slope(cls, normal: np.ndarray, origin: np.ndarray) -> "Section":
+        """Down the slope of a plane with ``normal`` (3,), so that the normal lies in it."""
+        across = np.array([normal[0], normal[1], 0.0]) / np.hypot(normal[0], normal[1])
+        return cls(origin, np.cross(across, [0.0, 0.0, 1.0]), across)
+
+    def coordinates(self, p_m: np.ndarray) -> np.ndarray:
+        """(N, 2) across and up, m, of points (N, 3)."""
+        return np.column_stack([(p_m - self.origin) @ self.across, p_m[:, 2]])
+
+    def gable_line(self, planes: np.ndarray, reach_m: float) -> np.ndarray:
+        """(3, 2) across and up, m, of the planes (2, 4) of a gable: eaves, ridge, eaves."""
+        rise = np.sort(-(planes[:, :3] @ self.across) / planes[:, 2])[::-1]
+        across_m = np.array([-reach_m, 0.0, reach_m])
+        return np.column_stack([across_m, self.origin[2] + [rise[0], 0.0, rise[1]] * across_m])
+
+    def table(self, clouds: dict[str, np.ndarray], strips: np.ndarray, half_m: float):
+        """Points (N, 3) of the ``clouds`` within ``half_m`` of the section, of ``strips`` (N,), by
+        name: columns cloud, strip, across_m, up_m."""
+        tables = []
+        for name, p_m in clouds.items():
+            near = np.abs((p_m - self.origin) @ self.along) < half_m
+            across_m, up_m = self.coordinates(p_m[near]).T
+            columns = {"cloud": name, "strip": strips[near], "across_m": across_m, "up_m": up_m}
+            tables.append(pd.DataFrame(columns))
+        return pd.concat(tables, ignore_index=True)
+
+
+def by_strip(ax: Axes, table: pd.DataFrame, size: float = 3.0, legend: bool = False) -> Axes:
+    """Points of a section's table in their strips' colours, shuffled so that none lies on top."""
+    table = table.sample(frac=1, random_state=0)
+    ax.scatter(table.across_m, table.up_m, s=size, lw=0, color=table.strip.map(STRIP_COLOURS),
+               rasterized=True)  # fmt: skip
+    if legend:
+        names = sorted(table.strip.unique())
+        handles = [
+            Line2D([], [], ls="", marker="o", color=STRIP_COLOURS[s], label=s) for s in names
+        ]
+        ax.figure.legend(handles=handles, loc="outside lower center", ncols=len(names))
+    ax.set_aspect("equal")
+    return ax
+
+
+def by_scenario(ax: Axes, table: pd.DataFrame, scenarios, reference: np.ndarray, size=3.0) -> Axes:
+    """Fig. 6b: points under the scenarios' mountings over the ``reference`` (K, 2), m."""
+    table = table[table.cloud.isin(scenarios)].sample(frac=1, random_state=0)
+    ax.scatter(table.across_m, table.up_m, s=size, lw=0, color=table.cloud.map(SCENARIO_COLOURS),
+               rasterized=True)  # fmt: skip
+    for name in scenarios:
+        ax.plot([], [], "o", color=SCENARIO_COLOURS[name], label=scenario_name(name))
+    reference_line(ax, reference)
+    ax.set_aspect("equal")
+    return ax
+
+
+def reference_line(ax: Axes, reference: np.ndarray) -> None:
+    """The reference's planes in section: eaves, ridge, eaves (K, 2), m."""
+    ax.plot(*reference.T, color="#c00000", lw=1.0, label="reference", zorder=5)
+
+
+def angle_changes(ax: Axes, table: pd.DataFrame) -> Axes:
+    """Errors of the angles after calibration (open) and after refinement (filled): ``table`` has
+    ``scenario``, ``angle``, ``calibrated_error_deg``, ``refined_error_deg``."""
+    angles, scenarios = list(dict.fromkeys(table.angle)), list(dict.fromkeys(table.scenario))
+    step = 0.72 / len(scenarios)
+    for k, name in enumerate(scenarios):
+        rows = table[table.scenario == name]
+        x = np.arange(len(rows)) + (k - (len(scenarios) - 1) / 2) * step
+        colour = SCENARIO_COLOURS[name]
+        ax.vlines(x, rows.calibrated_error_deg, rows.refined_error_deg, color=colour, lw=1)
+        ax.plot(x, rows.calibrated_error_deg, "o", mfc="white", mec=colour)
+        ax.plot(x, rows.refined_error_deg, "o", color=colour, label=scenario_name(name))
+    ax.axhline(0, color=SCENARIO_COLOURS["truth"], lw=0.7)
+    ax.set_xticks(range(len(angles)), [ANGLE_NAMES[angle] for angle in angles])
+    ax.set_ylabel("estimate − truth (°)")
+    handles, labels = ax.get_legend_handles_labels()
+    handles.append(Line2D([], [], ls="", marker="o", mfc="white", mec="#4d4d4d"))
+    ax.figure.legend(
+        handles,
+        [*labels, "before refinement"],
+        loc="outside lower center",
+        ncols=5,
+        columnspacing=1,
+    )
+    return ax
