@@ -81,9 +81,9 @@ def _lowest(p_m: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
 def _open(surface: np.ndarray, size: int) -> np.ndarray:
     """Erosion, then dilation, by a square window; empty cells and the outside take no part.
 
-    So a building cut by the swath's edge is as narrow as the part that was seen.
+    So a building cut by the swath's edge is as narrow as the part that was seen. (A window without
+    any point erodes to +inf, and reaches no occupied cell when dilated.)
     """
     eroded = ndimage.minimum_filter(surface, size, mode="constant", cval=np.inf)
-    eroded[np.isinf(eroded)] = -np.inf
     opened = ndimage.maximum_filter(eroded, size, mode="constant", cval=-np.inf)
     return np.where(np.isinf(surface), np.inf, opened)

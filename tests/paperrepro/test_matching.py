@@ -69,6 +69,8 @@ def test_the_same_gable_is_matched_face_by_face():
 def test_a_gable_seen_from_the_other_end_swaps_left_and_right():
     one, other = roofs(gable_at((0, 0, 6))), roofs(gable_at((0, 0, 6), swap=True))
     assert matched(one, other) == {(0, 1), (1, 0)}
+    part, same = ((gable_at((0, 0, 6), extent=(-9.0, 2.0), swap=swap)) for swap in (False, True))
+    assert match({"F1": roofs(part), "F2": roofs(same)}, FINE).pairs[0].distance < 1e-12
 
 
 @pytest.mark.parametrize(("beside", "found"), [(0.9, True), (1.1, False)])
@@ -110,6 +112,13 @@ def test_a_neighbour_in_line_is_not_matched_though_the_roof_itself_was_not_seen(
     """Twins of 12 m, 1.5 m apart, displaced by 3 m towards each other."""
     one, other = roofs(gable_at((0, 0, 6))), roofs(gable_at((0, 13.5 - 3.0, 6)))
     assert matched(one, other, params) == set()
+
+
+def test_an_end_of_a_neighbour_in_line_is_not_matched_either():
+    """Of a neighbour 1.5 m away, 4 m are seen, displaced by 3 m: they overlap by 1.5 m."""
+    one, other = roofs(gable_at((0, 0, 6))), roofs(gable_at((0, 6.5, 6), extent=(-2.0, 2.0)))
+    assert matched(one, other, COARSE) == set()
+    assert matched(one, other, replace(COARSE, overlap=0.3)) == {(0, 0), (1, 1)}
 
 
 @pytest.mark.parametrize("shift", [(3.2, 0.0, 0.0), (0.0, -3.2, 0.0), (2.2, 2.2, 0.5)])

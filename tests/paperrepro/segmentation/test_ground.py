@@ -72,5 +72,14 @@ def test_ground_that_a_building_hides_does_not_lift_the_rest():
     assert not mask[visible.sum() :].any()
 
 
+def test_water_that_returns_nothing_does_not_turn_a_house_beside_it_into_ground():
+    rng = np.random.default_rng(7)
+    cloud, roof = ground(rng), gable(rng, (-12.0, 0.0))[0]
+    shore = np.hypot(*cloud[:, :2].T) > 7.4
+    mask = progressive_morphological_filter(np.vstack([cloud[shore], roof]))
+    assert mask[: shore.sum()].all()
+    assert not mask[shore.sum() :].any()
+
+
 def test_no_points_no_ground():
     assert progressive_morphological_filter(np.empty((0, 3))).shape == (0,)
