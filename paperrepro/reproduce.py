@@ -14,14 +14,24 @@ from pathlib import Path
 
 import pandas as pd
 import papermill
+from jupyter_client.manager import AsyncKernelManager
 from papermill.exceptions import PapermillExecutionError
 from tqdm import tqdm
+from traitlets import default
 
 from paperrepro.errors import BadInput, PaperReproError
 from paperrepro.tables import write_csv
 
 NOTEBOOKS = Path(__file__).resolve().parent.parent / "notebooks"
 EXECUTED = "executed"
+
+
+class _LocalKernelManager(AsyncKernelManager):
+    """Talks to the kernel through files of this user instead of network ports."""
+
+    @default("transport")
+    def _default_transport(self) -> str:
+        return "ipc"
 
 
 class NotebookFailed(PaperReproError):
@@ -94,6 +104,7 @@ def _run(notebook: Path, executed: Path, parameters: Mapping) -> None:
             dict(parameters),
             kernel_name="python3",
             progress_bar=False,
+            kernel_manager_class=_LocalKernelManager,
         )
     except PapermillExecutionError as error:
         raise NotebookFailed(
