@@ -8,6 +8,7 @@ import os
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -54,6 +55,15 @@ def canvas(width: str = "double", height_mm: float = 70, mosaic: str | None = No
     if mosaic is not None:
         return plt.subplot_mosaic(mosaic, figsize=size, **subplots)
     return plt.subplots(figsize=size, **subplots)
+
+
+def thinned(points, limit: int = 6000):
+    """At most ``limit`` of ``points``, rows of an array or a table, drawn at random but always the
+    same, in their order: what a picture can show."""
+    if len(points) <= limit:
+        return points
+    chosen = np.sort(np.random.default_rng(0).permutation(len(points))[:limit])
+    return points.iloc[chosen] if isinstance(points, pd.DataFrame) else points[chosen]
 
 
 def scenario_name(scenario: str) -> str:

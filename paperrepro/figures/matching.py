@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import BoundaryNorm
 
-from paperrepro.figures import SCENARIO_COLOURS
+from paperrepro.figures import SCENARIO_COLOURS, thinned
 from paperrepro.segmentation.roofs import Gable, Roofs
 
 LEFT, RIGHT = "#0072b2", "#e69f00"
@@ -15,7 +15,7 @@ LEFT, RIGHT = "#0072b2", "#e69f00"
 def gable_in_perspective(ax, p_m: np.ndarray, roofs: Roofs, gable: Gable) -> Axes:
     """Fig. 4a on measured points p_m (N, 3): faces, centroids, ridge, virtual point. 3-D axes."""
     for face, colour in ((gable.left, LEFT), (gable.right, RIGHT)):
-        ax.scatter(*p_m[roofs.faces[face].points].T, s=1, color=colour, lw=0, alpha=0.6,
+        ax.scatter(*p_m[thinned(roofs.faces[face].points)].T, s=1, color=colour, lw=0, alpha=0.6,
                    depthshade=False, rasterized=True)  # fmt: skip
     _construction(ax, roofs, gable, slice(0, 3))
     ax.view_init(elev=30, azim=np.degrees(np.arctan2(*gable.ridge[1::-1])) + 198)
@@ -23,7 +23,8 @@ def gable_in_perspective(ax, p_m: np.ndarray, roofs: Roofs, gable: Gable) -> Axe
     ax.set_box_aspect(np.ptp(p_m[both], axis=0), zoom=1.2)
     ax.set(xlabel="east (m)", ylabel="north (m)", zlabel="up (m)")
     ax.locator_params(nbins=4)
-    ax.locator_params(axis="z", nbins=2)
+    low, high = np.percentile(p_m[both, 2], [1, 99])
+    ax.set_zticks([np.ceil(low), np.floor(high)])
     ax.grid(False)
     ax.tick_params(pad=-2)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
@@ -35,8 +36,8 @@ def gable_from_above(ax: Axes, p_m: np.ndarray, roofs: Roofs, gable: Gable) -> A
     """Fig. 4b on measured points p_m (N, 3)."""
     names = {gable.left: (LEFT, "left face"), gable.right: (RIGHT, "right face")}
     for face, (colour, words) in names.items():
-        ax.scatter(*p_m[roofs.faces[face].points, :2].T, s=2, color=colour, lw=0, alpha=0.6,
-                   rasterized=True)  # fmt: skip
+        shown = p_m[thinned(roofs.faces[face].points), :2]
+        ax.scatter(*shown.T, s=2, color=colour, lw=0, alpha=0.6, rasterized=True)
         ax.plot([], [], "o", color=colour, label=words)
     _construction(ax, roofs, gable, slice(0, 2))
     ax.set_aspect("equal")

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS, scenario_name
+from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS, scenario_name, thinned
 from paperrepro.figures.calibration import ANGLE_NAMES
 
 TARGET, POINT, FOOT = "#0072b2", "#d55e00", "#000000"
@@ -16,7 +16,8 @@ TARGET, POINT, FOOT = "#0072b2", "#d55e00", "#000000"
 def projection(ax: Axes, target: np.ndarray, points: np.ndarray, feet: np.ndarray) -> Axes:
     """Fig. 5 in section: points of the ``target`` face, its plane through the ``feet`` (N, 2)
     of the projected ``points`` (N, 2), all as (across, up) m."""
-    ax.plot(*target.T, "o", ms=2, mew=0, color=TARGET, alpha=0.5, label="points of the target face")
+    target, words = thinned(target, 100), "points of the target face"
+    ax.plot(*target.T, "o", ms=2, mew=0, color=TARGET, alpha=0.5, label=words)
     ends = feet[[np.argmin(feet[:, 0]), np.argmax(feet[:, 0])]]
     ax.plot(*ends.T, color=TARGET, lw=1.2, label="target plane $π_T$")
     for point, foot in zip(points, feet, strict=True):
@@ -77,7 +78,7 @@ class Section:
 
 def by_strip(ax: Axes, table: pd.DataFrame, size: float = 3.0, legend: bool = False) -> Axes:
     """Points of a section's table in their strips' colours, shuffled so that none lies on top."""
-    table = table.sample(frac=1, random_state=0)
+    table = thinned(table, 20_000).sample(frac=1, random_state=0)
     ax.scatter(table.across_m, table.up_m, s=size, lw=0, color=table.strip.map(STRIP_COLOURS),
                rasterized=True)  # fmt: skip
     if legend:

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from paperrepro.figures import GROUND
+from paperrepro.figures import GROUND, thinned
 from paperrepro.segmentation.roofs import Roofs
 
 #: Steps that a point can fall out at, in the order of drawing: colour, size
@@ -28,7 +28,7 @@ FACE_TONES = (
 def fates(ax: Axes, x: np.ndarray, y: np.ndarray, fate: np.ndarray, size: float = 1.0) -> Axes:
     """Points in plan or section, coloured by what becomes of them; ``fate`` (N,) of `FATES`."""
     for name, (colour, area, _) in FATES.items():
-        here = fate == name
+        here = thinned(np.flatnonzero(fate == name), 40_000)
         ax.scatter(x[here], y[here], s=size * area, color=colour, lw=0, rasterized=True,
                    zorder=3 if name == "outlier" else 2)  # fmt: skip
     ax.set_aspect("equal")
@@ -46,11 +46,11 @@ def fate_legend(figure: Figure) -> None:
 
 def faces(ax: Axes, p_m: np.ndarray, roofs: Roofs, size: float = 0.8) -> Axes:
     """Candidates (N, 3) in plan, grey; each gable in two tones, its ridge and virtual point."""
-    ax.scatter(*p_m[:, :2].T, s=0.5, color="#c8c8c8", lw=0, rasterized=True)
+    ax.scatter(*thinned(p_m, 40_000)[:, :2].T, s=0.5, color="#c8c8c8", lw=0, rasterized=True)
     for number, gable in enumerate(roofs.gables):
         tones = FACE_TONES[number % len(FACE_TONES)]
         for face, tone in zip((gable.left, gable.right), tones, strict=True):
-            members = roofs.faces[face].points
+            members = thinned(roofs.faces[face].points)
             ax.scatter(*p_m[members, :2].T, s=size, color=tone, lw=0, rasterized=True)
             ax.plot(*roofs.faces[face].centroid[:2], "o", ms=3, mfc="white", mec="black", mew=0.6)
         ends = gable.virtual_point + gable.extent[:, None] * gable.ridge

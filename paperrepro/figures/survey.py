@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
-from paperrepro.figures import ACCENT, AXIS_COLOURS, GROUND, OBJECT, STRIP_COLOURS
+from paperrepro.figures import ACCENT, AXIS_COLOURS, GROUND, OBJECT, STRIP_COLOURS, thinned
 
 #: What stands on the site, in the order of drawing: colour and words.
 KINDS = {
@@ -136,8 +136,8 @@ def section(ax: Axes, across_m: np.ndarray, up_m: np.ndarray, kinds: np.ndarray)
     """Points of a slice along the flight, coloured by what was hit; ``kinds`` (N,) of names."""
     handles = []
     for name, (colour, words) in KINDS.items():
-        here = kinds == name
-        if here.any():
+        here = thinned(np.flatnonzero(kinds == name))
+        if len(here):
             rare = name not in ("GROUND", "GABLE_ROOF", "LEAF", "WALL")
             ax.scatter(across_m[here], up_m[here], s=6 if rare else 2.2, color=colour, lw=0,
                        rasterized=True, zorder=3 if rare else 2)  # fmt: skip
@@ -165,8 +165,9 @@ def heights(ax: Axes, p_m: np.ndarray, extent_m, cell_m=1.0) -> Axes:
 def profiles(ax: Axes, across_m: dict[str, np.ndarray], up_m: dict[str, np.ndarray]) -> Axes:
     """Slices of several clouds in one picture, the first drawn below."""
     colours = dict(zip(across_m, (OBJECT, ACCENT, "#009e73"), strict=False))
-    for name, across in across_m.items():
-        ax.scatter(across, up_m[name], s=5, lw=0, color=colours[name], rasterized=True)
+    for name in across_m:
+        shown = thinned(np.column_stack([across_m[name], up_m[name]]))
+        ax.scatter(*shown.T, s=5, lw=0, color=colours[name], rasterized=True)
     handles = [Line2D([], [], ls="", marker="o", color=c, label=n) for n, c in colours.items()]
     ax.legend(handles=handles)
     ax.set(xlabel="across the ridge (m)", ylabel="up (m)")
