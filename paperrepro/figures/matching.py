@@ -24,7 +24,7 @@ def gable_in_perspective(ax, p_m: np.ndarray, roofs: Roofs, gable: Gable) -> Axe
     ax.set(xlabel="east (m)", ylabel="north (m)", zlabel="up (m)")
     ax.locator_params(nbins=4)
     low, high = np.percentile(p_m[both, 2], [1, 99])
-    ax.set_zticks([np.ceil(low), np.floor(high)])
+    ax.set_zticks(np.unique(np.round([low, high])))
     ax.grid(False)
     ax.tick_params(pad=-2)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):

@@ -49,7 +49,7 @@ def plan(ax: Axes, triangles: dict[str, np.ndarray], lines, extent_m=(118.0, 82.
         _flight_line(ax, line)
     _plan_axes(ax, extent_m)
     handles = [Patch(color=KINDS[name][0], label=KINDS[name][1]) for name in ON_PLAN]
-    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=len(handles))
+    ax.figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     return ax
 
 
