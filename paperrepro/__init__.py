@@ -6,7 +6,10 @@ Refinement of the Boresight Angles Using a Point-to-Plane Approach", Sensors 201
 
 import numba
 
+from paperrepro.kernels import keep_apart
+
 __version__ = "0.1.0"
 
 # OpenMP first: it is there wherever Open3D runs, and old TBB installations only warn.
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
+keep_apart()

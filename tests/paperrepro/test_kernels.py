@@ -1,0 +1,48 @@
+"""A change in any kernel's source reaches every compiled kernel."""
+
+from pathlib import Path
+
+import pytest
+
+import paperrepro
+from data_synth import raycast
+from paperrepro import georeference
+from paperrepro.adjustment import normals
+from paperrepro.kernels import source_key
+
+PACKAGE = Path(paperrepro.__file__).parent
+
+
+@pytest.fixture
+def package(tmp_path):
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "plain.py").write_text("a = 1\n")
+    (tmp_path / "called.py").write_text("import numba\n\nSIGN = 1\n")
+    (tmp_path / "inner" / "calling.py").write_text("import numba\n\nfrom called import SIGN\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize("changed", ["called.py", "inner/calling.py"])
+def test_another_kernel_source_gives_another_key(package, changed):
+    before = source_key(package)
+    (package / changed).write_text((package / changed).read_text().replace("1", "-1") + "\n")
+    assert source_key(package) != before
+
+
+def test_a_kernel_file_of_another_name_gives_another_key(package):
+    before = source_key(package)
+    (package / "called.py").rename(package / "renamed.py")
+    assert source_key(package) != before
+
+
+def test_a_source_without_kernels_does_not_matter(package):
+    before = source_key(package)
+    (package / "plain.py").write_text("a = 2\n")
+    assert source_key(package) == before
+
+
+@pytest.mark.parametrize(
+    "kernel", [georeference._georeference, normals._point_blocks, raycast._distances]
+)
+def test_compiled_kernels_lie_in_the_folder_of_the_key(kernel):
+    assert f"kernels-{source_key(PACKAGE)}" in Path(kernel.stats.cache_path).parts
