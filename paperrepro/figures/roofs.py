@@ -29,9 +29,10 @@ def fates(ax: Axes, x: np.ndarray, y: np.ndarray, fate: np.ndarray, size: float 
     """Points in plan or section, coloured by what becomes of them; ``fate`` (N,) of `FATES`."""
     for name, (colour, area, _) in FATES.items():
         here = thinned(np.flatnonzero(fate == name), 40_000)
-        ax.scatter(x[here], y[here], s=area if name == "outlier" else size * area,
-                   color=colour, lw=0, rasterized=True,
-                   zorder=3 if name == "outlier" else 2)  # fmt: skip
+        rare = name == "outlier"  # large while they are few
+        scale = max(0.3, min(1.0, 100 / max(len(here), 1))) if rare else size
+        ax.scatter(x[here], y[here], s=scale * area, color=colour, lw=0, rasterized=True,
+                   zorder=3 if rare else 2)  # fmt: skip
     ax.set_aspect("equal")
     return ax
 
