@@ -76,3 +76,16 @@ RMSE_LEFT_BY_SL = Published(0.12, "1", "Fig. 8", "inequality")
 #: Bounds on the absolute vertical offset at the virtual points.
 OFFSET_AFTER_CALIBRATION = Published(0.40, "m", "Fig. 11", "inequality")
 OFFSET_AFTER_REFINEMENT = Published(0.30, "m", "Fig. 11", "inequality")
+
+#: The survey as described, and what its sensors promise.
+HEIGHT = Published(30.0, "m", "section 2.1", "input")
+DENSITY = Published(300.0, "1/m2", "section 2.1", "input")
+RANGE_ACCURACY = Published(0.03, "m", "section 2.1", "input")
+ATTITUDE_ACCURACY = {
+    "omega": Published(0.025, "deg", "section 2.1", "input"),
+    "phi": Published(0.025, "deg", "section 2.1", "input"),
+    "kappa": Published(0.08, "deg", "section 2.1", "input"),
+}
+
+#: Share of the systematic errors that the centroid constraint is said to correct, section 5.
+SYSTEMATIC_CORRECTED = Published(0.80, "1", "section 5", "ordering")

@@ -52,7 +52,7 @@ def test_every_value_states_unit_place_and_how_it_may_be_compared():
     assert len(found) >= 15
     for value in found:
         assert value.kind in {"input", "pattern", "ordering", "inequality"}
-        assert value.unit in {"deg", "m", "1"}
+        assert value.unit in {"deg", "m", "1", "1/m2"}
         assert value.place.startswith(("Table ", "Fig. ", "section "))
 
 
