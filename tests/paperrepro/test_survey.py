@@ -264,6 +264,15 @@ def test_joined_rays_follow_one_another():
         np.testing.assert_array_equal(getattr(joined, name), getattr(rays, name))
 
 
+def test_joined_rays_have_times_only_where_all_have():
+    rays = survey().rays(strip())
+    np.testing.assert_array_equal(rays.time, strip().time)
+    timeless = Rays(*(getattr(rays, name) for name in list(vars(rays))[:5]))
+    assert timeless.take(slice(3)).time is None
+    assert Rays.join([rays, timeless]).time is None
+    np.testing.assert_array_equal(Rays.join([rays, rays]).time, np.tile(strip().time, 2))
+
+
 def test_a_mounting_keeps_rotation_and_lever_arm_when_calibrated():
     before = Mounting(lever_arm=np.array([0.1, 0.2, 0.3]))
     after = before.with_calibration([0.01, 0.02, 0.03], np.full(16, 0.01))
