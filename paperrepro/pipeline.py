@@ -79,10 +79,11 @@ class Candidates:
 class RoofSurvey:
     """Roofs found and matched under ``mounting``.
 
-    ``roofs`` by strip, whose face points index `Candidates`; ``pairs`` and ``ties`` of the
-    matching, a tie being one physical face by its views; ``matched`` what the adjustment takes, its
+    ``roofs`` by strip, whose face points index the `Candidates` of the beams used, ``in_fan``
+    (rings,); ``pairs`` and ``ties`` of the matching; ``matched`` what the adjustment takes, its
     faces in the order of ``keys`` (strip, face number); ``gables`` (K, 2) left and right face in
-    that order; ``boresights`` (passes + 1, 3) rad, as the passes went.
+    that order; ``boresights`` (passes + 1, 3) rad, as the passes went; ``rejected`` faces of the
+    last pass, wrong matches that are in ``pairs`` but not in ``ties``.
     """
 
     mounting: Mounting
@@ -94,12 +95,16 @@ class RoofSurvey:
     gables: np.ndarray
     boresights: np.ndarray
     rejected: tuple[Rejection, ...]
+    in_fan: np.ndarray
 
     def views(self, points: Candidates) -> list[tuple[str, np.ndarray]]:
         """Each matched face as (strip, indices into the strip), in the order of ``keys``."""
+        index = {
+            strip: index[self.in_fan[points.rays[strip].ring]]
+            for strip, index in points.index.items()
+        }
         return [
-            (strip, points.index[strip][self.roofs[strip].faces[face].points])
-            for strip, face in self.keys
+            (strip, index[strip][self.roofs[strip].faces[face].points]) for strip, face in self.keys
         ]
 
 
@@ -159,7 +164,16 @@ def roofs_under(
     gables = _gables(roofs, {key: position for position, key in enumerate(keys)})
     found = np.array([mounting.boresight])
     return RoofSurvey(
-        mounting, roofs, matches.pairs, ties, matched, keys, gables, found, screening.rejected
+        mounting,
+        roofs,
+        matches.pairs,
+        ties,
+        matched,
+        keys,
+        gables,
+        found,
+        screening.rejected,
+        in_fan,
     )
 
 

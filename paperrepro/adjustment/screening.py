@@ -1,9 +1,11 @@
 """Which matched faces do not lie on the plane they were matched to.
 
-Graduated non-convexity with a truncated least-squares loss (Yang et al. 2020): the adjustment with
-free planes is repeated with a weight per face, first with a loss so wide that every face counts,
-then narrowing until a face counts fully or not at all. A wrong match misses its plane by
-decimetres to metres, a right one by the noise of its trajectory.
+First a boresight that wrong matches cannot bend: three angles from all pairs of faces that should
+share a plane, each face's plane fitted to its own points alone, by graduated non-convexity with a
+truncated least-squares loss (Yang et al. 2020). A common plane would be no witness: a single face
+apart from the others tilts it until it fits. Then, under that boresight, the faces of a plane that
+agree with each other most are kept. A wrong match misses by decimetres to metres, a right one by
+the noise of its trajectory.
 """
 
 from dataclasses import dataclass
@@ -12,22 +14,18 @@ import numpy as np
 
 from paperrepro.adjustment.centroids import centroid_variances, virtual_jacobians
 from paperrepro.adjustment.faces import FaceStates, face_states
-from paperrepro.adjustment.gauss_helmert import Pseudo, solve_free
 from paperrepro.adjustment.matched import MatchedFaces, Rejection
-from paperrepro.adjustment.normals import (
-    Blocks,
-    Unknowns,
-    observation_variances,
-    point_blocks,
-)
+from paperrepro.adjustment.normals import Unknowns, observation_variances
 from paperrepro.survey import Survey
 
-#: A face is right as long as it misses its plane by no more than so many standard deviations.
+#: Two faces agree as long as they miss each other by no more than so many standard deviations.
 LIMIT_SIGMAS = 4.0
+#: What segmentation leaves of chimneys and edges on a face is no wrong match, m.
+LEAST_LIMIT = 0.05
 #: Points of a face that are looked at: evenly spaced, enough for its place and tilt.
 POINTS_PER_FACE = 80
-STAGES = 40
-_LEAST_WEIGHT = 1e-9
+#: The loss narrows by this factor per stage, until it is as good as truncated.
+GROWTH, TRUNCATED = 1.6, 1e3
 
 
 @dataclass(frozen=True)
@@ -42,85 +40,98 @@ class Screening:
 
 def screen(survey: Survey, matched: MatchedFaces) -> Screening:
     """Find the faces of ``matched`` that do not belong to their planes."""
-    thin = matched.thinned(POINTS_PER_FACE)
-    unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, "none")
-    variances = observation_variances(survey.navigation, survey.scanner)
-    x = unknowns.start()
-    states = face_states(thin.rays, thin.plane_ranges, unknowns, x)
-    problem = _Problem(thin, unknowns, variances, states.centroid)
-    planes = states.plane.copy()
-    planes[:, 3] -= np.einsum("ga,ga->g", planes[:, :3], problem.origin)
-    weight, control = np.ones(len(thin.ranges)), None
-    for _ in range(STAGES):
-        x, planes = problem.solve(x, planes, weight)
-        misfit, limit = problem.misfits(x, planes)
-        ratio = np.square(misfit / limit)
+    pairs = _Pairs.of(survey, matched.thinned(POINTS_PER_FACE))
+    x, control = survey.mounting.boresight, None
+    weight = np.ones(len(pairs.one))
+    while True:
+        for _ in range(2):
+            x = pairs.step(x, weight)
+        ratio = np.square(pairs.misclosures(x)[0] / pairs.limits(x))
         if control is None:
             control = 1 / max(2 * ratio.max() - 1, 1e-12)
-        if ratio.max() <= 1 or control > 1e3:
+        if ratio.max() <= 1 or control > TRUNCATED:
             break
         weight = _weights(ratio, control)
-        control *= 1.6
-    kept = misfit <= limit
-    return Screening(kept, x[:3], problem.rejections(x, kept, misfit, limit))
+        control *= GROWTH
+    kept, rejected = pairs.consensus(x)
+    return Screening(kept, x, rejected)
 
 
 def _weights(ratio: np.ndarray, control: float) -> np.ndarray:
-    """Weights of the truncated loss at squared misfits ``ratio``, in units of the limit."""
+    """Weights of the truncated loss at squared misclosures ``ratio``, in units of the limit."""
     between = np.sqrt(control * (control + 1) / np.maximum(ratio, 1e-12)) - control
     weight = np.where(ratio >= (control + 1) / control, 0.0, between)
-    return np.clip(np.where(ratio <= control / (control + 1), 1.0, weight), _LEAST_WEIGHT, 1.0)
+    return np.where(ratio <= control / (control + 1), 1.0, np.clip(weight, 0.0, 1.0))
 
 
 @dataclass(frozen=True)
-class _Problem:
-    """Free planes and a boresight on thinned faces, with a weight per face."""
+class _Pairs:
+    """All ordered pairs of faces of a plane: centroid of ``other`` (P,) on the plane of ``one``."""
 
     matched: MatchedFaces
     unknowns: Unknowns
     variances: np.ndarray
-    origin: np.ndarray
+    one: np.ndarray
+    other: np.ndarray
 
-    def solve(self, x, planes, weight) -> tuple[np.ndarray, np.ndarray]:
-        pseudo = Pseudo(np.zeros(self.unknowns.size), np.zeros(self.unknowns.size))
-        solution = solve_free(lambda *at: self._blocks(*at, weight), x, planes, pseudo)
-        return solution.x, solution.planes
+    @classmethod
+    def of(cls, survey: Survey, matched: MatchedFaces) -> "_Pairs":
+        together = matched.plane[:, None] == matched.plane
+        one, other = np.nonzero(together & ~np.eye(len(together), dtype=bool))
+        unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, "none")
+        variances = observation_variances(survey.navigation, survey.scanner)
+        return cls(matched, unknowns, variances, one, other)
 
-    def _blocks(self, x, planes, weight) -> Blocks:
-        matched, group = self.matched, self.matched.plane
-        face = point_blocks(
-            matched.rays, matched.ranges, self.origin[group], planes[group],
-            self.unknowns, x, self.variances,
-        )  # fmt: skip
-        shape = len(planes), *face.t.shape[1:]
-        N, t, chi2 = np.zeros((*shape, shape[1])), np.zeros(shape), np.zeros(len(planes))
-        np.add.at(N, group, face.N * weight[:, None, None])
-        np.add.at(t, group, face.t * weight[:, None])
-        np.add.at(chi2, group, face.chi2 * weight)
-        return Blocks(N, t, chi2, np.bincount(group, face.count).astype(int))
+    def states(self, x: np.ndarray) -> FaceStates:
+        return face_states(self.matched.rays, self.matched.ranges, self.unknowns, x)
 
-    def misfits(self, x, planes) -> tuple[np.ndarray, np.ndarray]:
-        """Root mean square misfit of each face and its limit, both (F,) m."""
-        matched = self.matched
-        states = face_states(matched.rays, matched.ranges, self.unknowns, x)
-        plane = planes[matched.plane]
-        off = np.einsum("fa,fa->f", states.centroid - self.origin[matched.plane], plane[:, :3])
-        off -= plane[:, 3]
-        own = states.spread(plane[:, :3])
-        J_l = virtual_jacobians(states.centroid, matched.mean_poses(), self.unknowns, x)
-        sigma2 = centroid_variances(plane[:, :3], J_l, np.ones(len(off)), self.variances)
-        return np.sqrt(off**2 + own), LIMIT_SIGMAS * np.sqrt(sigma2)
+    def misclosures(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distances (P,) m of centroids from planes, and their derivatives (P, 3)."""
+        s = self.states(x)
+        plane, J = s.plane[self.one], s.J_plane[self.one]
+        c, J_c = s.centroid[self.other], s.J_centroid[self.other]
+        w = np.einsum("pa,pa->p", c, plane[:, :3]) - plane[:, 3]
+        turned = np.einsum("pa,pak->pk", c, J[:, :3]) - J[:, 3]
+        return w, turned + np.einsum("pa,pak->pk", plane[:, :3], J_c)
 
-    def rejections(self, x, kept, misfit, limit) -> tuple[Rejection, ...]:
-        matched = self.matched
-        states: FaceStates = face_states(matched.rays, matched.ranges, self.unknowns, x)
-        return tuple(
-            Rejection(
-                matched.strips[f],
-                int(matched.plane[f]),
-                states.centroid[f],
-                float(misfit[f]),
-                float(limit[f]),
-            )
-            for f in np.flatnonzero(~kept)
-        )
+    def step(self, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
+        """One weighted Gauss-Newton step; directions that nothing determines stay."""
+        w, A = self.misclosures(x)
+        weight = weight / np.square(self.limits(x))
+        N, t = A.T @ (weight[:, None] * A), A.T @ (weight * w)
+        return x - np.linalg.pinv(N, rcond=1e-10, hermitian=True) @ t
+
+    def limits(self, x: np.ndarray) -> np.ndarray:
+        """(P,) m, from the noise of both faces' trajectories and of one point."""
+        s = self.states(x)
+        J_l = virtual_jacobians(s.centroid, self.matched.mean_poses(), self.unknowns, x)
+        sigma2 = centroid_variances(s.plane[:, :3], J_l, np.ones(len(J_l)), self.variances)
+        sigma = np.sqrt(sigma2[self.one] + sigma2[self.other])
+        return np.maximum(LIMIT_SIGMAS * sigma, LEAST_LIMIT)
+
+    def consensus(self, x: np.ndarray) -> tuple[np.ndarray, tuple[Rejection, ...]]:
+        """Of each plane, the faces that agree with the one that agrees with most."""
+        s, F = self.states(x), len(self.matched.ranges)
+        w, _ = self.misclosures(x)
+        n, c = s.plane[self.one, :3], s.scatter[self.other]
+        spread = np.einsum("pa,pab,pb->p", n, c, n) / s.count[self.other]
+        misfit, limit = np.zeros((F, F)), np.full((F, F), -np.inf)
+        misfit[self.one, self.other] = np.sqrt(w**2 + spread)
+        limit[self.one, self.other] = self.limits(x)
+        agrees = (misfit <= limit) & (misfit <= limit).T
+        np.fill_diagonal(agrees, True)
+        kept, rejected = np.zeros(F, dtype=bool), []
+        for g in range(self.matched.n_planes):
+            faces = np.flatnonzero(self.matched.plane == g)
+            middle = faces[_middle(agrees[np.ix_(faces, faces)], misfit[np.ix_(faces, faces)])]
+            kept[faces] = agrees[middle, faces]
+            for f in faces[~kept[faces]]:
+                of = float(misfit[middle, f]), float(limit[middle, f])
+                rejected.append(Rejection(self.matched.strips[f], g, s.centroid[f], *of))
+        return kept, tuple(rejected)
+
+
+def _middle(agrees: np.ndarray, misfit: np.ndarray) -> int:
+    """The face with which most agree; among equals the one nearest to those."""
+    near = (misfit * agrees).sum(axis=1) / misfit.max(initial=1.0) / len(misfit)
+    return int(np.argmax(agrees.sum(axis=1) - near / (1 + near.max())))

@@ -13,6 +13,7 @@ from paperrepro.adjustment.gauss_markov import GaussMarkov
 from paperrepro.adjustment.matched import MatchedFaces
 from paperrepro.adjustment.observability import Observability, require_determined
 from paperrepro.adjustment.result import CalibrationResult, TrajectoryErrors
+from paperrepro.adjustment.scenarios import calibrate
 from paperrepro.adjustment.trajectory_solver import (
     DataNormals,
     State,
@@ -43,7 +44,9 @@ def calibrate_with_trajectory(
     spacing: float = NODE_SPACING,
     near: np.ndarray | None = None,
 ) -> CalibrationResult:
-    """Scenario D, from ``survey.mounting``'s boresight as start, or from ``near`` (3,) rad.
+    """Scenario D, from ``near`` (3,) rad as start, or else from where SL ends.
+
+    A start degrees away would be taken for an error of the trajectory.
 
     The prior is ``survey.navigation``'s specification; with ``components`` its sigma, the laser's
     and the correlation time are estimated from the data. The covariance is that of the stated (or
@@ -52,7 +55,9 @@ def calibrate_with_trajectory(
     model = TrajectoryModel.prepare(survey, matched, range_offsets, spacing)
     prior, factors = specified_process(survey.navigation), None
     start = model.unknowns.start()
-    state = model.start(start if near is None else np.r_[near, start[3:]])
+    if near is None:
+        near = calibrate(survey, matched, "SL").boresight
+    state = model.start(np.r_[near, start[3:]])
     if components:
         factors, state = estimate(model, prior, state)
         model, prior = factors.apply(model), factors.prior(prior)
