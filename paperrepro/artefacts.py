@@ -1,0 +1,142 @@
+"""Every table and figure: what it shows, what the paper has there, which notebook makes it."""
+
+import re
+from dataclasses import dataclass
+
+from paperrepro.published import (
+    OFFSET_AFTER_CALIBRATION,
+    OFFSET_AFTER_REFINEMENT,
+    RMSE_LEFT_BY_SL,
+    RMSE_REDUCTION,
+    TABLE1,
+    TABLE5,
+)
+
+
+@dataclass(frozen=True)
+class Artefact:
+    """A table or picture: ``name`` of its files, what ours ``shows``, and what the ``paper`` has
+    at that place (empty for what only we show). ``notebook`` makes it."""
+
+    name: str
+    title: str
+    notebook: str
+    shows: str
+    paper: str = ""
+
+    @property
+    def place(self) -> str:
+        """Where the paper has it, "Table 4" or "Fig. 7"; empty for what only we show."""
+        found = re.fullmatch(r"(table|fig)(\d+)(_\w+)?", self.name)
+        return f"{_KINDS[found[1]]} {int(found[2])}" if found else ""
+
+
+_KINDS = {"table": "Table", "fig": "Fig."}
+_FARM, _EQUATION, _ROOFS = "01_simulated_farm", "02_lidar_equation", "03_roof_extraction"
+_MATCHING, _CALIBRATION = "04_matching", "05_calibration"
+_REFINEMENT, _ACCURACY = "06_refinement", "07_accuracy"
+_REDUCED = f"{100 * RMSE_REDUCTION['C'].value:.0f}\u00a0%"
+
+#: Every table and figure, first those of the paper in its order, then ours in the notebooks' order.
+ARTEFACTS = (
+    Artefact("table1", "Overlap and direction of strip pairs", _FARM,
+             "Overlap planned over flat ground, and achieved in cells that both strips hit.",
+             f"Overlaps of {len(TABLE1)} pairs of strips; an input, which the plan must meet."),
+    Artefact("table2", "Parameters of the segmentation", _ROOFS,
+             "Values of the last (fine) and the first (coarse) pass, and how each print is read.",
+             "Parameters of ground filter, RANSAC and roof fitting; inputs."),
+    Artefact("table3", "Unknowns and conditions of the scenarios", _CALIBRATION,
+             "Number of unknowns, conditions and iterations of each adjustment.",
+             "A: boresight angles; B: and a range offset for each beam; C: and all planes."),
+    Artefact("table4", "Boresight angles", _CALIBRATION,
+             "Estimates beside the known truth; the error is also given in formal σ.",
+             "Angles with σ of A, B and C for a mounting unlike ours: only patterns compare."),
+    Artefact("table5", "Share of the error that is left", _ACCURACY,
+             "Mean distance from the reference's planes, as a share of that before calibration.",
+             f"[11] leaves about {100 * TABLE5['SL'].value:.0f}\u00a0%, the proposed method about "
+             f"{100 * TABLE5['proposed'].value:.0f}\u00a0% of the errors."),
+    Artefact("fig01", "The site and its flight lines", _FARM,
+             "Plan of the simulated farm: houses, sheds and trees under the eight flight lines.",
+             "Map of the real site, a farming area, with the lines F1-F8."),
+    Artefact("fig02", "Cloud of adjusted strips", _FARM,
+             "Point cloud of adjusted strips.",
+             "Clouds of one strip, and of three adjusted strips."),
+    Artefact("fig02_section", "A slice through one strip", _FARM,
+             "Section across a strip, each point coloured by what the pulse hit.",
+             "Cloud of one strip."),
+    Artefact("fig03", "The framework", _FARM,
+             "The steps from strips to accuracy, by the modules that take them.",
+             "The same framework, in seven steps."),
+    Artefact("fig04", "The virtual point of a gable roof", _MATCHING,
+             "A measured gable in perspective and from above, with both centroids, ridge and "
+             "virtual point.",
+             "Sketch of how a virtual point follows from two centroids and the ridge."),
+    Artefact("fig05", "Projection on the target plane", _REFINEMENT,
+             "Section of a roof face: measured points of one strip and their orthogonal "
+             "projections on the plane of another.",
+             "Sketch of the orthogonal projection of Eq. 6 and 7."),
+    Artefact("fig06", "A roof in profile", _REFINEMENT,
+             "Section of a roof before calibration, by strip, and after A, B and C, with the "
+             "airborne reference as a line.",
+             "B and C follow the reference more closely than A."),
+    Artefact("fig07", "RMSE before and after", _ACCURACY,
+             "Bars of the RMSE of point-to-plane distances before calibration and after each "
+             "method; a line marks what the true mounting leaves.",
+             f"B and C reduce the RMSE by more than {_REDUCED}, and below that of [11]."),
+    Artefact("fig08", "Distribution of the distances", _ACCURACY,
+             "Histograms of the point-to-plane distances after [11], B and C, each with a normal "
+             "curve.",
+             f"B and C almost normal about zero; [11] leaves less than "
+             f"{100 * RMSE_LEFT_BY_SL.value:.0f}\u00a0% of the RMSE."),
+    Artefact("fig09", "The cloud before and after", _REFINEMENT,
+             "Slice through the site before calibration and after scenario C and refinement, "
+             "points coloured by strip.",
+             "Before, a noisy cloud; after refinement most of the misalignment is gone."),
+    Artefact("fig10", "Trees and buildings", _REFINEMENT,
+             "Adjusted clouds of trees and of a house.",
+             "Clouds for a forest inventory and for 3D modelling."),
+    Artefact("fig11", "Vertical offsets at the virtual points", _ACCURACY,
+             "Absolute height difference from the reference of every virtual point, at each step.",
+             f"Below {100 * OFFSET_AFTER_CALIBRATION.value:.0f} cm after calibration, below "
+             f"{100 * OFFSET_AFTER_REFINEMENT.value:.0f} cm after refinement, less than [11]."),
+    Artefact("trajectory_error", "Error of the trajectory", _FARM,
+             "Six curves of the trajectory's error over the mission, within grey bands of σ."),
+    Artefact("density", "Density across a strip", _FARM,
+             "Points per square metre over the distance from the track, by strip."),
+    Artefact("reference", "The airborne reference", _FARM,
+             "Plan of the reference's heights, and one roof in the reference and in a strip."),
+    Artefact("small_angle", "What the small-angle form neglects", _EQUATION,
+             "Displacement over the boresight angle, for three ranges."),
+    Artefact("error_budget", "Error budget at 30 m", _EQUATION,
+             "How far each source of error moves a point, on a logarithmic scale."),
+    Artefact("thick_roof", "A wrong boresight thickens roofs", _EQUATION,
+             "Section of a roof under the nominal and the true mounting, coloured by beam."),
+    Artefact("filters", "Outliers and ground", _ROOFS,
+             "Plan and section of a strip: ground, candidates for roofs, and outliers."),
+    Artefact("faces", "Faces and gables found", _ROOFS,
+             "Plan of the faces found in a strip, with ridges and virtual points."),
+    Artefact("extraction_sensitivity", "What Table 2's values cost", _ROOFS,
+             "Faces and planes found when one parameter of the last pass is changed."),
+    Artefact("normal_errors", "Error of the roofs' normals", _ROOFS,
+             "Error of each face's normal over the number of its points."),
+    Artefact("passes", "Passes from a boresight of zero", _MATCHING,
+             "Boresight after each pass of finding and matching, and its largest error."),
+    Artefact("pair_distances", "How near matched gables are", _MATCHING,
+             "Distance and inclination of matched gables in the first and the last pass."),
+    Artefact("match_matrix", "Who matched whom", _MATCHING,
+             "Matrix of the faces that two strips share, false ones below the diagonal."),
+    Artefact("tie_planes", "Tie planes", _MATCHING,
+             "Plan of the matched roof faces, coloured by the number of strips that see them."),
+    Artefact("boresight_errors", "Errors of the boresight with their bars", _CALIBRATION,
+             "Error of each angle by scenario with bars of one and two formal σ."),
+    Artefact("range_offsets", "Range offsets", _CALIBRATION,
+             "Estimated and true offset of each beam, as estimated and without their mean."),
+    Artefact("correlation", "Correlations of scenario C", _CALIBRATION,
+             "Correlation matrix of boresight angles and range offsets."),
+    Artefact("refinement_errors", "What refinement changes", _REFINEMENT,
+             "Error of each angle before and after refinement, by scenario."),
+    Artefact("rmse", "Point-to-plane distances in full", _ACCURACY,
+             "RMSE and mean distance of every step, against reference and true planes."),
+    Artefact("accuracy_claims", "Statements on accuracy", _ACCURACY,
+             "The paper's statements on accuracy, judged by this one survey."),
+)  # fmt: skip

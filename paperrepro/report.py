@@ -1,0 +1,248 @@
+"""The report: one HTML page, self-contained, made from what lies in the folder of figures.
+
+It reads ``claims.csv`` (the ledger), ``rows.csv``, the tables, the pictures and, for durations, the
+executed notebooks. What is missing is named on the page.
+"""
+
+import base64
+import importlib.metadata
+import json
+import os
+import platform
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+import pandas as pd
+
+from paperrepro import __version__
+from paperrepro.artefacts import ARTEFACTS, Artefact
+from paperrepro.captions import Values, caption
+from paperrepro.errors import BadInput
+from paperrepro.quantities import cells, heading, worded
+from paperrepro.tables import Run, frame
+
+HERE = Path(__file__).parent
+NAME = "report.html"
+
+#: Columns of the ledger.
+LEDGER = (
+    "id", "claim", "place", "kind", "paper", "measured", "low", "high", "unit", "seeds", "verdict",
+    "condition",
+)  # fmt: skip
+#: Verdicts of the ledger in their order, with the class of their chip.
+VERDICTS = {
+    "holds": "holds",
+    "holds under conditions": "partly",
+    "does not hold": "fails",
+    "not testable here": "untested",
+}
+#: A larger SVG is shown as PNG: pictures of many points are heavy as vectors.
+LARGEST_SVG_BYTES = 100_000
+#: Pictures are drawn 88 or 180 mm wide and shown a quarter larger than that.
+PIXELS_PER_PNG_PIXEL = 1.25 * 96 / 200
+PIXELS_PER_POINT = 1.25 * 96 / 72
+
+
+@dataclass(frozen=True)
+class Item:
+    """An artefact as the page shows it; ``picture`` or ``table`` or neither, if it is missing."""
+
+    artefact: Artefact
+    caption: str
+    claims: list[dict]
+    picture: dict | None
+    table: dict | None
+    files: list[str]
+
+
+def write(folder: str | Path, run: Run) -> Path:
+    """Write ``folder/report.html`` from what lies in ``folder``, whole or not at all."""
+    folder = Path(folder)
+    path, part = folder / NAME, folder / f"{NAME}.part"
+    try:
+        part.write_text(page(folder, run), encoding="utf-8", newline="\n")
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+    return path
+
+
+def page(folder: Path, run: Run) -> str:
+    """The report on ``run`` as text."""
+    rows, claims = _rows(folder), _claims(folder)
+    values = Values.of(rows, run)
+    items = [_item(folder, artefact, values, claims) for artefact in ARTEFACTS]
+    unlisted = [_item(folder, artefact, values, claims) for artefact in _unlisted(folder)]
+    return _template().render(
+        css=(HERE / "report.css").read_text(encoding="utf-8"),
+        claims=claims,
+        verdicts=_counts(claims),
+        chip=VERDICTS,
+        tables=[item for item in items if item.artefact.name.startswith("table")],
+        figures=[item for item in items if item.artefact.place.startswith("Fig.")],
+        further=[item for item in items if not item.artefact.place] + unlisted,
+        missing=[item.artefact for item in items if not (item.picture or item.table)],
+        run=run,
+        foreign=_foreign(rows, run),
+        machine=_machine(),
+        packages=_packages(),
+        durations=_durations(folder),
+        version=__version__,
+    )
+
+
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(HERE), autoescape=True, undefined=jinja2.StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    return environment.get_template("report_template.html")
+
+
+def _rows(folder: Path) -> pd.DataFrame:
+    path = folder / "rows.csv"
+    return pd.read_csv(path) if path.exists() else frame([])
+
+
+def _claims(folder: Path) -> list[dict]:
+    """The ledger's lines as text, numbers with their unit; empty without a ledger."""
+    path = folder / "claims.csv"
+    if not path.exists():
+        return []
+    table = pd.read_csv(path, dtype=str, keep_default_na=False)
+    if lacking := [name for name in LEDGER if name not in table]:
+        raise BadInput(
+            f"{path}: expected the columns {', '.join(LEDGER)}, found none named "
+            f"{', '.join(lacking)}; write the ledger anew"
+        )
+    return [_claim(line) for line in table.to_dict("records")]
+
+
+def _claim(line: dict) -> dict:
+    shown = {k: worded(line[k], line["unit"]) for k in ("paper", "measured", "low", "high")}
+    low, high = shown["low"], shown["high"]
+    span = f"{low} to {high}" if low and high and low != high else ""
+    return {**line, **shown, "span": span}
+
+
+def _counts(claims: Iterable[dict]) -> dict[str, int]:
+    """How many claims got each verdict; a verdict that is not known stands at the end."""
+    given = [claim["verdict"] for claim in claims]
+    return {verdict: given.count(verdict) for verdict in dict.fromkeys([*VERDICTS, *given])}
+
+
+def _item(folder: Path, artefact: Artefact, values: Values, claims: list[dict]) -> Item:
+    picture = _picture(folder, artefact.name)
+    path = folder / f"{artefact.name}.csv"
+    table = None if picture or not path.exists() else _table(path)
+    kinds = [k for k in ("csv", "svg", "png") if (folder / f"{artefact.name}.{k}").exists()]
+    return Item(
+        artefact,
+        caption(artefact.name, values),
+        [claim for claim in claims if artefact.place and _speaks_of(claim, artefact.place)],
+        picture,
+        table,
+        [f"{artefact.name}.{kind}" for kind in kinds],
+    )
+
+
+def _speaks_of(claim: dict, place: str) -> bool:
+    return re.search(rf"{re.escape(place)}(?!\d)", claim["place"]) is not None
+
+
+def _unlisted(folder: Path) -> list[Artefact]:
+    """Pictures that no one has described are shown under their names."""
+    known = {artefact.name for artefact in ARTEFACTS}
+    names = {path.stem for kind in ("png", "svg") for path in folder.glob(f"*.{kind}")}
+    return [
+        Artefact(name, name.replace("_", " "), "", f"Picture {name}.")
+        for name in sorted(names - known)
+    ]
+
+
+def _picture(folder: Path, name: str) -> dict | None:
+    """The picture as a data URI with its size in CSS pixels: SVG if it is light, else PNG."""
+    svg, png = (folder / f"{name}.{kind}" for kind in ("svg", "png"))
+    if svg.exists() and (not png.exists() or svg.stat().st_size <= LARGEST_SVG_BYTES):
+        data, kind, size = svg.read_bytes(), "svg+xml", _svg_size
+    elif png.exists():
+        data, kind, size = png.read_bytes(), "png", _png_size
+    else:
+        return None
+    width, height = size(data)
+    uri = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+    return {"uri": uri, "width": round(width), "height": round(height)}
+
+
+def _png_size(data: bytes) -> tuple[float, float]:
+    """From the header's IHDR chunk."""
+    return tuple(int.from_bytes(data[at : at + 4], "big") * PIXELS_PER_PNG_PIXEL for at in (16, 20))
+
+
+def _svg_size(data: bytes) -> tuple[float, float]:
+    """From the viewBox, in points as matplotlib writes it."""
+    found = re.search(rb'viewBox="0 0 ([\d.]+) ([\d.]+)"', data)
+    return tuple(float(side) * PIXELS_PER_POINT for side in found.groups()) if found else (850, 400)
+
+
+def _table(path: Path) -> dict:
+    table = pd.read_csv(path)
+    if "preset" in table:
+        table.insert(0, "preset", table.pop("preset"))
+    columns = [cells(table[column]) for column in table]
+    return {
+        "heads": [heading(column) for column in table],
+        "classes": [
+            "number" if pd.api.types.is_numeric_dtype(table[name]) else _class_of_words(words)
+            for name, words in zip(table, columns, strict=True)
+        ],
+        "lines": list(zip(*columns, strict=True)),
+    }
+
+
+def _class_of_words(words: list[str]) -> str:
+    return "long" if max(map(len, words), default=0) > 30 else "word"
+
+
+def _foreign(rows: pd.DataFrame, run: Run) -> int:
+    """How many rows are of another profile, noise or seed than the run's."""
+    same = (
+        (rows.profile == run.profile)
+        & (rows.noise_scale == run.noise_scale)
+        & (rows.seed == run.seed)
+    )
+    return int((~same).sum())
+
+
+def _machine() -> dict[str, str]:
+    return {
+        "Python": f"{platform.python_implementation()} {platform.python_version()}",
+        "Platform": platform.platform(),
+        "Processors": str(os.cpu_count()),
+    }
+
+
+def _packages() -> dict[str, str]:
+    """Versions of the packages that the project asks for, as far as they are installed."""
+    versions = {}
+    for requirement in importlib.metadata.requires("paperrepro") or []:
+        name = re.match(r"[\w.-]+", requirement)[0]
+        if "extra ==" not in requirement:
+            try:
+                versions[name] = importlib.metadata.version(name)
+            except importlib.metadata.PackageNotFoundError:
+                continue
+    return dict(sorted(versions.items()))
+
+
+def _durations(folder: Path) -> dict[str, float]:
+    """Seconds that each executed notebook took, where one lies in the folder."""
+    seconds = {}
+    for path in sorted((folder / "executed").glob("*.ipynb")):
+        spent = json.loads(path.read_text(encoding="utf-8"))["metadata"].get("papermill", {})
+        if spent.get("duration") is not None:
+            seconds[path.name] = spent["duration"]
+    return seconds
