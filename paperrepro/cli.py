@@ -56,7 +56,9 @@ def _add_reproduce(commands) -> None:
 
 def _reproduce(options: argparse.Namespace) -> int:
     from data_synth import make_config
+    from paperrepro import report
     from paperrepro.reproduce import reproduce
+    from paperrepro.tables import Run
 
     parameters = {
         "preset": options.preset, "profile": options.profile,
@@ -68,6 +70,7 @@ def _reproduce(options: argparse.Namespace) -> int:
     seconds = reproduce(options.out, parameters, only)
     for name, spent in seconds.items():
         print(f"{name:32s} {spent:7.1f} s")
+    report.write(options.out, Run(**parameters))
     print(f"{options.out}: done in {time.perf_counter() - start:.0f} s")
     return 0
 

@@ -51,8 +51,8 @@ def reproduce(out: Path, parameters: Mapping, only: tuple[str, ...] = ()) -> dic
     staging = Path(tempfile.mkdtemp(prefix=".part-", dir=out))
     try:
         seconds = _run_all(notebooks, staging, {**parameters, "figures_dir": str(staging)})
-        _merge_rows(staging)
         _move_into(staging, out)
+        _merge_rows(out)
     except NotebookFailed:
         _move_into(staging / EXECUTED, out / EXECUTED)
         raise
@@ -114,11 +114,10 @@ def _run(notebook: Path, executed: Path, parameters: Mapping) -> None:
 
 
 def _merge_rows(folder: Path) -> None:
-    """One table of the rows that the notebooks wrote."""
+    """``rows.csv``: one table of the rows that each notebook wrote, in this run or an earlier one."""
     parts = [pd.read_csv(path) for path in sorted((folder / "rows").glob("*.csv"))]
     if parts:
         write_csv(pd.concat(parts, ignore_index=True), folder, "rows")
-        shutil.rmtree(folder / "rows")
 
 
 def _move_into(source: Path, target: Path) -> None:
