@@ -114,7 +114,7 @@ def _run(notebook: Path, executed: Path, parameters: Mapping) -> None:
 
 
 def _merge_rows(folder: Path) -> None:
-    """``rows.csv``: one table of the rows that each notebook wrote, in this run or an earlier one."""
+    """``rows.csv``: one table of all notebooks' rows, of this run and of earlier ones."""
     parts = [pd.read_csv(path) for path in sorted((folder / "rows").glob("*.csv"))]
     if parts:
         write_csv(pd.concat(parts, ignore_index=True), folder, "rows")

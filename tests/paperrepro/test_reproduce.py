@@ -66,7 +66,7 @@ def test_a_failing_notebook_is_named_and_changes_nothing(books, tmp_path):
 
 
 def test_unknown_parameters_are_refused_before_anything_runs(books, tmp_path):
-    with pytest.raises(BadInput, match="no parameter sede; it has .*seed"):
+    with pytest.raises(BadInput, match=r"no parameter sede; it has .*seed"):
         reproduce.reproduce(tmp_path / "out", {"sede": 7})
     assert not (tmp_path / "out").exists()
 
