@@ -1,5 +1,6 @@
 """The site, the flight and the clouds, as plans, sections and time series."""
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -156,9 +157,30 @@ def heights(ax: Axes, p_m: np.ndarray, extent_m, cell_m=1.0) -> Axes:
     top = np.full((len(edges[0]) - 1, len(edges[1]) - 1), -np.inf)
     np.maximum.at(top, (cell[0][inside], cell[1][inside]), p_m[inside, 2])
     limits = [edges[0][0], edges[0][-1], edges[1][0], edges[1][-1]]
-    image = ax.imshow(np.ma.masked_invalid(top.T), origin="lower", extent=limits)
+    place = {"origin": "lower", "extent": limits}
+    low, high = np.percentile(top[np.isfinite(top)], [0.5, 99.5])  # dust would stretch the colours
+    shades = plt.get_cmap("cividis", 24)  # few, so that noise does not swell the files
+    image = ax.imshow(np.ma.masked_invalid(top.T), shades, vmin=low, vmax=high, **place)
     ax.figure.colorbar(image, ax=ax, label="height (m)", shrink=0.7, pad=0.01)
     _plan_axes(ax, extent_m)
+    return ax
+
+
+def perspective(
+    ax, p_m: np.ndarray, centre_m: np.ndarray, half_m: float, azimuth_deg=-55.0
+) -> Axes:
+    """Points (N, 3) within ``half_m`` of ``centre_m`` (2,), coloured by height. 3-D axes."""
+    near = (np.abs(p_m[:, :2] - centre_m) < half_m).all(axis=1)
+    shown = thinned(p_m[near], 9_000)
+    low, high = np.percentile(shown[:, 2], [0.5, 99.8])
+    shown = shown[(shown[:, 2] >= low) & (shown[:, 2] <= high)]
+    ax.scatter(*shown.T, c=shown[:, 2], s=2, lw=0, depthshade=False, rasterized=True)
+    ax.view_init(elev=18, azim=azimuth_deg)
+    ax.set_box_aspect((2 * half_m, 2 * half_m, high - low), zoom=1.35)
+    ax.set(xlabel="east (m)", ylabel="north (m)")
+    ax.locator_params(nbins=4)
+    ax.set_zticks(np.unique(np.round([low, high])))
+    ax.grid(False)
     return ax
 
 
