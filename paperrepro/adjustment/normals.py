@@ -156,7 +156,7 @@ def _point_blocks(
         for i in range(ranges[g, 0], ranges[g, 1]):
             obs[:6] = pose[i]
             obs[6], obs[7], obs[8] = rho[i], azimuth[i], elevation[i]
-            w, s = _adjusted(
+            w, s = adjusted(
                 obs,
                 v,
                 shifted,
@@ -174,12 +174,12 @@ def _point_blocks(
             _design_row(
                 planes[g], origin[g], p, J_x, ring_column[ring[i]], t.shape[1] - 4, row, where
             )
-            _add(row, where, w, 1.0 / s, N[g], t[g])
+            add_row(row, where, w, 1.0 / s, N[g], t[g])
             chi2[g] += w * w / s
 
 
 @numba.njit(cache=True)
-def _adjusted(obs, v, shifted, plane, origin, R_l_b, dR_l_b, lever, offset, variances, p, J_x, J_l):
+def adjusted(obs, v, shifted, plane, origin, R_l_b, dR_l_b, lever, offset, variances, p, J_x, J_l):
     """Misclosure ``w = f(l + v) - B v`` and ``s = B Q B'`` at the adjusted observations.
 
     Leaves the point and its derivatives there in ``p``, ``J_x``, ``J_l`` and the residuals in
@@ -223,9 +223,10 @@ def _design_row(plane, origin, p, J_x, column, n_x, row, where):
 
 
 @numba.njit(cache=True)
-def _add(row, where, w, weight, N, t):
-    for a in range(8):
+def add_row(row, where, w, weight, N, t):
+    """Add a condition, ``row`` in columns ``where`` (ascending), to N (upper triangle) and t."""
+    for a in range(len(row)):
         scaled = weight * row[a]
         t[where[a]] += scaled * w
-        for b in range(a, 8):
+        for b in range(a, len(row)):
             N[where[a], where[b]] += scaled * row[b]

@@ -12,7 +12,7 @@ import numpy as np
 
 from paperrepro.adjustment.gauss_markov import Nodes
 from paperrepro.adjustment.matched import MatchedFaces
-from paperrepro.adjustment.normals import Unknowns, _adjusted, columns
+from paperrepro.adjustment.normals import Unknowns, add_row, adjusted, columns
 from paperrepro.survey import Rays
 
 N_NODES = 12  # two nodes of six components
@@ -98,12 +98,12 @@ def _cell_blocks(
         for i in range(ranges[c, 0], ranges[c, 1]):
             obs[:6] = pose[i] + (1 - share[i]) * before + share[i] * after
             obs[6], obs[7], obs[8] = rho[i], azimuth[i], elevation[i]
-            w, s = _adjusted(
+            w, s = adjusted(
                 obs, v, shifted, planes[c], origin[c], R_l_b, dR_l_b, lever, offsets[ring[i]],
                 variances, p, J_x, J_l,
             )  # fmt: skip
             _row(planes[c], origin[c], p, J_x, J_l, share[i], ring_column[ring[i]], n_x, row, where)
-            _add(row, where, w, weight[c] / s, N[c], t[c])
+            add_row(row, where, w, weight[c] / s, N[c], t[c])
             chi2[c] += weight[c] * w * w / s
 
 
@@ -124,12 +124,3 @@ def _row(plane, origin, p, J_x, J_l, share, column, n_x, row, where):
         row[8 + m], row[14 + m] = (1 - share) * b, share * b
     for k in range(16):
         where[4 + k] = n_x + k
-
-
-@numba.njit(cache=True)
-def _add(row, where, w, weight, N, t):
-    for a in range(20):
-        scaled = weight * row[a]
-        t[where[a]] += scaled * w
-        for b in range(a, 20):
-            N[where[a], where[b]] += scaled * row[b]
