@@ -17,10 +17,11 @@ CAPTIONS = {
     "{0[matching/last pass/views]} views. SL stands for [11] alone, which the paper's text takes "
     "for C, while its figures show the two apart.",
     "table4": "The common part of all range offsets, a height that the roofs do not fix, is wrong "
-    "by {0[table4/B/range_offset_common_error]:cm} in B and "
-    "{0[table4/C/range_offset_common_error]:cm} in C; their differences between beams are right "
-    "to {0[table4/B/range_offset_relative_rms]:mm} and "
-    "{0[table4/C/range_offset_relative_rms]:mm}.",
+    "by {0[table4/B/range_offset_common_error]:cm} in B, "
+    "{0[table4/C/range_offset_common_error]:cm} in C and "
+    "{0[table4/D/range_offset_common_error]:cm} in D; their differences between beams are right "
+    "to {0[table4/B/range_offset_relative_rms]:mm}, {0[table4/C/range_offset_relative_rms]:mm} "
+    "and {0[table4/D/range_offset_relative_rms]:mm}.",
     "table5": "[11] leaves {0[table5/SL/mean_left_reference_calibration]:%} of the mean distance, "
     "A {0[table5/A/mean_left_reference_calibration]:%}, "
     "B {0[table5/B/mean_left_reference_calibration]:%}, "
@@ -42,17 +43,20 @@ CAPTIONS = {
     "{0[fig07/SL/rmse_left_reference_calibration]:%}, "
     "{0[fig07/A/rmse_left_reference_calibration]:%}, "
     "{0[fig07/B/rmse_left_reference_calibration]:%} and "
-    "{0[fig07/C/rmse_left_reference_calibration]:%} of it. The true mounting leaves "
+    "{0[fig07/C/rmse_left_reference_calibration]:%} of it; D, ours, leaves "
+    "{0[fig07/D/rmse_reference_calibration]:cm}. The true mounting leaves "
     "{0[fig07/truth/rmse_reference]:cm}, or {0[fig07/truth/rmse_left_reference]:%}.",
     "fig08": "Mean and standard deviation: [11] {0[fig08/SL/mean]:cm} and {0[fig08/SL/sigma]:cm}, "
     "B {0[fig08/B/mean]:cm} and {0[fig08/B/sigma]:cm}, C {0[fig08/C/mean]:cm} and "
-    "{0[fig08/C/sigma]:cm}. The largest gap to a normal distribution function is "
-    "{0[fig08/SL/ks]:%}, {0[fig08/B/ks]:%} and {0[fig08/C/ks]:%}.",
+    "{0[fig08/C/sigma]:cm}, D {0[fig08/D/mean]:cm} and {0[fig08/D/sigma]:cm}. "
+    "The largest gap to a normal distribution function is "
+    "{0[fig08/SL/ks]:%}, {0[fig08/B/ks]:%}, {0[fig08/C/ks]:%} and {0[fig08/D/ks]:%}.",
     "fig09": "The RMSE of the roof points from the true planes falls from "
     "{0[fig07/before/rmse_truth]:cm} to {0[fig07/C/rmse_truth_refinement]:cm}.",
     "fig11": "Largest offset: {0[fig11/before/max]:cm} before; calibrated "
     "{0[fig11/SL/max_calibration]:cm} ([11]), {0[fig11/A/max_calibration]:cm} (A), "
-    "{0[fig11/B/max_calibration]:cm} (B), {0[fig11/C/max_calibration]:cm} (C); refined "
+    "{0[fig11/B/max_calibration]:cm} (B), {0[fig11/C/max_calibration]:cm} (C), "
+    "{0[fig11/D/max_calibration]:cm} (D, ours); refined "
     "{0[fig11/SL/max_refinement]:cm}, {0[fig11/A/max_refinement]:cm}, "
     "{0[fig11/B/max_refinement]:cm}, {0[fig11/C/max_refinement]:cm}.",
     "trajectory_error": "RMS of this flight: {0[trajectory/truth/rms_east]:cm} east, "

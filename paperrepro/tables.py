@@ -30,6 +30,8 @@ COLUMNS = (
     "metric", "unit", "value", "sigma",
 )  # fmt: skip
 ANGLES = ("omega", "phi", "kappa")
+#: The scenarios that the paper proposes; SL is its [11], D is ours.
+_PROPOSED = ["A", "B", "C"]
 
 
 @dataclass(frozen=True)
@@ -161,9 +163,9 @@ def accuracy_claims(rows: pd.DataFrame) -> pd.DataFrame:
     rmse = value["fig07", :, "rmse_reference_calibration"]
     rmse_left = value["fig07", :, "rmse_left_reference_calibration"]
     mean_left = value["table5", :, "mean_left_reference_calibration"]
-    largest_calibrated = value["fig11", :, "max_calibration"].drop("SL").max()
-    largest_refined = value["fig11", :, "max_refinement"].drop("SL").max()
-    mean_refined = value["fig11", :, "mean_refinement"].drop("SL").max()
+    largest_calibrated = value["fig11", :, "max_calibration"].reindex(_PROPOSED).max()
+    largest_refined = value["fig11", :, "max_refinement"].reindex(_PROPOSED).max()
+    mean_refined = value["fig11", :, "mean_refinement"].reindex(_PROPOSED).max()
     mean_of_sl = value["fig11", "SL", "mean_calibration"]
     lines = [
         _claim(limit, f"RMSE reduced by more, {name}", 1 - rmse_left[name], above=True)

@@ -26,7 +26,7 @@ SCENARIO_COLOURS = {
     "D": "#d55e00",
     "truth": "#000000",
 }
-SCENARIO_NAMES = {"before": "before", "SL": "[11] = SL", "truth": "true mounting"}
+SCENARIO_NAMES = {"before": "before", "SL": "[11] = SL", "D": "D (ours)", "truth": "true mounting"}
 
 STRIP_COLOURS = {
     "F1": "#0072b2",

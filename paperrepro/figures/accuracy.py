@@ -78,7 +78,7 @@ def histograms(
     ``words`` go under the panels' titles.
     """
     for ax, (letter, name) in zip(
-        axes, zip("abc", after.scenario.unique(), strict=True), strict=True
+        axes, zip("abcdef", after.scenario.unique(), strict=False), strict=True
     ):
         histogram(ax, after, name)
         ax.set_title(f"({letter}) {scenario_name(name)}\n{words[name]}")
@@ -110,7 +110,7 @@ def offset_strips(ax: Axes, table: pd.DataFrame, bounds_m: dict[str, float]) -> 
     for words, bound in bounds_m.items():
         ax.axhline(CM * bound, color="#4d4d4d", lw=0.7, ls=(0, (4, 2)))
         ax.text(len(stages) - 0.45, CM * bound, words, ha="right", va="bottom", fontsize=7)
-    names = [scenario_name(name).split(" = ")[0] for name in scenarios]
+    names = [scenario_name(name).split(" = ")[0].replace(" ", "\n") for name in scenarios]
     ax.set_xticks(range(len(stages)), names)
     for stage in dict.fromkeys(stages):
         places = [x for x, of in enumerate(stages) if of == stage]

@@ -46,13 +46,15 @@ def offset_table(truth_m: np.ndarray, estimates: dict[str, tuple[np.ndarray, np.
 
 def range_offsets(ax: Axes, table: pd.DataFrame, column: str) -> Axes:
     """Range offset of each ring, ``column`` of `offset_table`, with bars of two sigma."""
-    for k, (name, rows) in enumerate(table.groupby("scenario", sort=False)):
+    sets = table.groupby("scenario", sort=False)
+    for k, (name, rows) in enumerate(sets):
         colour, value = SCENARIO_COLOURS[name], 100 * rows[column]
         if name == "truth":
             ax.plot(rows.ring, value, "_", color=colour, ms=9, mew=1.6, label="truth")
         else:
-            ax.errorbar(rows.ring + 0.3 * (k - 1.5), value, 200 * rows.sigma_m, fmt="o", ms=3,
-                        color=colour, elinewidth=0.8,
+            ring = rows.ring + 0.25 * (k - 0.5 * len(sets))
+            ax.errorbar(ring, value, 200 * rows.sigma_m, fmt="o", ms=3, color=colour,
+                        elinewidth=0.8,
                         label=f"{scenario_name(name)} ± 2σ")  # fmt: skip
     ax.axhline(0.0, color="#4d4d4d", lw=0.5)
     ax.set_xlabel("ring")

@@ -64,7 +64,7 @@ def folder(tmp_path):
     pd.DataFrame(CLAIMS, columns=list(report.LEDGER)).to_csv(tmp_path / "claims.csv", index=False)
     rows = [
         RUN.row("fig08", s, metric, unit, value)
-        for s in ("SL", "B", "C")
+        for s in ("SL", "B", "C", "D")
         for metric, unit, value in [("mean", "m", 0.0234), ("sigma", "m", 0.04), ("ks", "1", 0.02)]
     ]
     frame(rows).to_csv(tmp_path / "rows.csv", index=False)
@@ -181,7 +181,7 @@ def test_how_it_was_run(page):
 
 def test_rows_of_another_run_are_owned_to(folder):
     text = report.page(folder, Run("mount", "quick", 1.0, 8))
-    assert "9 values in rows.csv are of another profile, noise scale or seed" in text
+    assert "12 values in rows.csv are of another profile, noise scale or seed" in text
     assert "missing in rows.csv: fig08/SL/mean" in text
 
 
