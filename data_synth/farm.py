@@ -56,10 +56,10 @@ def build_farm(rng: np.random.Generator) -> Scene:
     add_ground(builder, ground)
     plots = [_lane(FENCE_Y, FENCE_HALF_LENGTH), _lane(WIRE_Y, WIRE_HALF_LENGTH)]
     sites = rng.permutation([(x, y) for x in SITES_X for y in SITES_Y])
-    houses = [_draw_house(site, ground, rng) for site in sites[:N_GABLE]]
+    houses = [draw_house(site, ground, rng) for site in sites[:N_GABLE]]
     for number, house in enumerate(houses):
-        _furnish(builder, house, number, rng)
-    plots += [_with_overhang(house) for house in houses]
+        furnish(builder, house, number, rng)
+    plots += [with_overhang(house) for house in houses]
     plots += _add_site_sheds(builder, sites[N_GABLE:], ground, rng)
     plots += _add_near_sheds(builder, houses, plots, ground, rng)
     add_fence(builder, ground)
@@ -95,7 +95,8 @@ def _lane(y: float, half_length: float) -> Plot:
     return Plot(0.0, y, np.pi / 2, 2 * half_length, 0.6)
 
 
-def _draw_house(site, ground: Ground, rng: np.random.Generator) -> GableHouse:
+def draw_house(site, ground: Ground, rng: np.random.Generator) -> GableHouse:
+    """A house of any azimuth near ``site`` (2,) m."""
     x, y = site + rng.uniform(-3.5, 3.5, 2)
     length = rng.uniform(8.0, 24.0)
     width = min(rng.uniform(6.0, 12.0), 0.9 * length)
@@ -104,12 +105,13 @@ def _draw_house(site, ground: Ground, rng: np.random.Generator) -> GableHouse:
     return GableHouse(plot, rng.uniform(3.0, 5.0), pitch, rng.uniform(0.3, 0.6))
 
 
-def _with_overhang(house: GableHouse) -> Plot:
+def with_overhang(house: GableHouse) -> Plot:
+    """What the roof covers."""
     p, wider = house.plot, 2 * house.overhang
     return Plot(p.x, p.y, p.azimuth, p.length + wider, p.width + wider, p.base)
 
 
-def _furnish(builder: SceneBuilder, house: GableHouse, number: int, rng) -> None:
+def furnish(builder: SceneBuilder, house: GableHouse, number: int, rng) -> None:
     """House, mostly a chimney, sometimes a dormer."""
     add_gable_house(builder, house, number)
     length, width = house.plot.length, house.plot.width
@@ -150,7 +152,7 @@ def _add_near_sheds(builder: SceneBuilder, houses, taken: list[Plot], ground, rn
 def _find_near_plot(size, houses, taken: list[Plot], ground: Ground, rng) -> Plot:
     """Draw until the shed is clear of all that stands; houses leave ample room, so it ends."""
     while True:
-        home = _with_overhang(houses[rng.integers(len(houses))])
+        home = with_overhang(houses[rng.integers(len(houses))])
         x, y = _near_point(home, rng.uniform(1.0, 4.0) + 0.5 * max(size), rng)
         plot = Plot(x, y, home.azimuth + rng.normal(0.0, 0.1), *size, float(ground.height(x, y)))
         if all(plot.clear_of(other, 0.7) for other in taken):
@@ -174,7 +176,7 @@ def _add_trees(builder: SceneBuilder, plots: list[Plot], houses, ground: Ground,
     stems = np.empty((0, 2))
     while len(stems) < N_TREES:
         if len(stems) < N_TREES_AT_ROOFS:
-            home = _with_overhang(houses[rng.integers(len(houses))])
+            home = with_overhang(houses[rng.integers(len(houses))])
             xy = np.array(_near_point(home, rng.uniform(1.2, 3.0), rng))
         else:
             xy = rng.uniform(-1.0, 1.0, 2) * FARM_EXTENT

@@ -14,6 +14,9 @@ PRESETS = {"mount": (1.1, -0.8, 1.3), "table4": (0.0187, -0.0155, 0.0008)}
 #: One of how many firing sequences is kept: the same geometry and beams at every profile.
 PROFILES = {"quick": 16, "paper": 1}
 
+#: What is flown over: the paper's kind of site, or a stand of trees with houses at its edge.
+SCENES = ("farm", "forest")
+
 
 @dataclass(frozen=True)
 class SimulationConfig:
@@ -21,7 +24,8 @@ class SimulationConfig:
 
     ``noise_scale`` multiplies the GNSS/INS error only; ``sensor_noise`` switches range noise, angle
     noise and dust; ``range_offset_sigma_m`` is the spread of the beams' true range offsets;
-    ``boresight_deg`` overrides the preset's. Raises `BadInput` where a value cannot be used.
+    ``boresight_deg`` overrides the preset's; ``scene`` is one of `SCENES`. Raises
+    `BadInput` where a value cannot be used.
     """
 
     seed: int = 1
@@ -32,10 +36,12 @@ class SimulationConfig:
     range_offset_sigma_m: float = 0.015
     boresight_deg: tuple[float, float, float] | None = None
     reference_noise: bool = True
+    scene: str = "farm"
 
     def __post_init__(self):
         _require_choice("preset", self.preset, PRESETS)
         _require_choice("profile", self.profile, PROFILES)
+        _require_choice("scene", self.scene, SCENES)
         _require_whole("seed", self.seed)
         _require_not_negative("noise_scale", self.noise_scale)
         _require_not_negative("range_offset_sigma_m", self.range_offset_sigma_m)

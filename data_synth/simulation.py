@@ -11,6 +11,7 @@ import numpy as np
 from data_synth import reference
 from data_synth.farm import build_farm
 from data_synth.flight import FlightLine, flight_plan, fly
+from data_synth.forest import build_forest
 from data_synth.motion import Motion
 from data_synth.navigation import apx15, disturb
 from data_synth.presets import SimulationConfig
@@ -22,6 +23,8 @@ from paperrepro.survey import Mounting, Survey, Trajectory
 
 #: From the GNSS/INS to the laser, b-frame, m; surveyed on the ground, so known.
 LEVER_ARM = np.array([0.10, -0.02, 0.15])
+#: What builds each of `presets.SCENES`.
+BUILDERS = {"farm": build_farm, "forest": build_forest}
 STREAMS = ("scene", "flight", "navigation", "sensor", "offsets", "reference")
 
 
@@ -55,11 +58,11 @@ class Truth:
 
 
 def simulate(config: SimulationConfig | None = None) -> tuple[Survey, Truth]:
-    """Fly over the farm: what the operator gets, and the truth. A seed gives the same bits."""
+    """Fly over the scene: what the operator gets, and the truth. A seed gives the same bits."""
     config = SimulationConfig() if config is None else config
     seeds = dict(zip(STREAMS, np.random.SeedSequence(config.seed).spawn(len(STREAMS)), strict=True))
     rng = {name: np.random.default_rng(seed) for name, seed in seeds.items() if name != "sensor"}
-    scene, lines = build_farm(rng["scene"]), flight_plan()
+    scene, lines = BUILDERS[config.scene](rng["scene"]), flight_plan()
     motion, caster = fly(lines, rng["flight"]), Raycaster(scene)
     known = Mounting(lever_arm=LEVER_ARM)
     offsets = config.range_offset_sigma_m * rng["offsets"].normal(size=N_RINGS)

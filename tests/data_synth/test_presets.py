@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from data_synth import PRESETS, PROFILES, SimulationConfig, make_config
+from data_synth.presets import SCENES
 from paperrepro.errors import BadInput
 
 
@@ -11,7 +12,9 @@ def test_default_is_the_quick_survey_of_a_hand_mounted_scanner():
     assert make_config() == SimulationConfig(seed=1, preset="mount", profile="quick")
 
 
-@pytest.mark.parametrize(("field", "choices"), [("preset", PRESETS), ("profile", PROFILES)])
+@pytest.mark.parametrize(
+    ("field", "choices"), [("preset", PRESETS), ("profile", PROFILES), ("scene", SCENES)]
+)
 def test_unknown_choice_names_the_choices(field, choices):
     with pytest.raises(BadInput, match=f"{field}: expected one of {', '.join(choices)}, got 'x'"):
         make_config(**{field: "x"})
