@@ -117,6 +117,8 @@ def _study(options: argparse.Namespace) -> int:
         for preset in options.preset
         for noise_scale in options.noise_scale
     ]
+    if not runs:
+        raise BadInput(f"seeds: expected at least 1, got {options.seeds}; give a number of surveys")
     for run in runs:
         data_synth.make_config(**asdict(run))  # refuses, before anything runs
     version = code_version("data_synth.simulation") + code_version("data_synth.evaluation")

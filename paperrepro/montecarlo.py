@@ -88,7 +88,10 @@ def failure(run: Run) -> dict:
 
 def read_study(path: str | Path) -> pd.DataFrame:
     """Rows of a study that was written before; none where ``path`` is no file."""
-    return pd.read_csv(path)[list(COLUMNS)] if Path(path).is_file() else frame([])
+    if not Path(path).is_file():
+        return frame([])
+    rows = pd.read_csv(path)[list(COLUMNS)]
+    return rows.astype({"noise_scale": float, "value": float, "sigma": float})
 
 
 def _reason(future: Future) -> str | None:

@@ -20,6 +20,8 @@ NOTHING: Beside = MappingProxyType({})
 
 #: Two methods are as good as each other if they differ by less than this share of the second.
 MARGIN = 0.1
+#: A growth with noise needs so many noise scales.
+LEAST_SCALES = 2
 
 
 def error(scenario: str) -> Quantity:
@@ -222,9 +224,9 @@ def grows(scenario: str, asked: bool, unit: str = "deg") -> Callable[[list[Surve
 def growth(by_noise: list[Surveys], scenario: str) -> pd.Series:
     """Slope of the error over the noise scale, deg, by seed. Raises `TooLittle`."""
     scale = np.array([surveys.setting.noise_scale for surveys in by_noise])
-    if len(set(scale)) < 2:
+    if len(scale) < LEAST_SCALES:
         raise TooLittle(
-            f"one noise scale of preset {by_noise[0].setting.preset}, at least 2 are needed"
+            f"{len(scale)} noise scale of {by_noise[0].setting.name}, {LEAST_SCALES} are needed"
         )
     errors = pd.concat([surveys.error(scenario) for surveys in by_noise], axis=1)
     return errors @ (scale - scale.mean()) / np.square(scale - scale.mean()).sum()
