@@ -35,6 +35,7 @@ _KINDS = {"table": "Table", "fig": "Fig."}
 _FARM, _EQUATION, _ROOFS = "01_simulated_farm", "02_lidar_equation", "03_roof_extraction"
 _MATCHING, _CALIBRATION = "04_matching", "05_calibration"
 _REFINEMENT, _ACCURACY = "06_refinement", "07_accuracy"
+_APPLICATIONS = "10_applications"
 _REDUCED = f"{100 * RMSE_REDUCTION['C'].value:.0f}\u00a0%"
 
 #: Every table and figure, first those of the paper in its order, then ours in the notebooks' order.
@@ -92,8 +93,9 @@ ARTEFACTS = (
              "Slice through the site before calibration and after scenario C and refinement, "
              "points coloured by strip.",
              "Before, a noisy cloud; after refinement most of the misalignment is gone."),
-    Artefact("fig10", "Trees and buildings", _REFINEMENT,
-             "Adjusted clouds of trees and of a house.",
+    Artefact("fig10", "A forest and a building", _APPLICATIONS,
+             "A transect through a stand of trees and a house at its edge, before and after "
+             "calibration from the houses' roofs; a second simulated site.",
              "Clouds for a forest inventory and for 3D modelling."),
     Artefact("fig11", "Vertical offsets at the virtual points", _ACCURACY,
              "Absolute height difference from the reference of every virtual point, at each step; "
@@ -136,6 +138,8 @@ ARTEFACTS = (
              "Correlation matrix of boresight angles and range offsets."),
     Artefact("refinement_errors", "What refinement changes", _REFINEMENT,
              "Error of each angle before and after refinement, by scenario."),
+    Artefact("moved_profile", "A roof under a wrong boresight", _REFINEMENT,
+             "Section of a roof by strip, refined and with half a degree added to each angle."),
     Artefact("rmse", "Point-to-plane distances in full", _ACCURACY,
              "RMSE and mean distance of every step, against reference and true planes."),
     Artefact("accuracy_claims", "Statements on accuracy", _ACCURACY,

@@ -12,8 +12,19 @@ import pandas as pd
 import pytest
 
 from paperrepro import figures
-from paperrepro.figures import accuracy, calibration, equation, matching, refinement, survey
+from paperrepro.figures import (
+    accuracy,
+    applications,
+    calibration,
+    equation,
+    interactive,
+    matching,
+    refinement,
+    survey,
+)
+from paperrepro.georeference import georeference
 from paperrepro.published import TABLE1
+from paperrepro.survey import Mounting, Rays
 
 NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "notebooks").glob("[0-9][0-9]_*.ipynb"))
 
@@ -210,6 +221,48 @@ def test_density_counts_points_per_square_metre():
     across = {"F1": np.random.default_rng(0).uniform(-60, 60, 12_000)}
     table = survey.density_table(across, length_m=10.0)
     assert table.density.mean() == pytest.approx(10.0)
+
+
+# A profile that moves
+
+
+def _moving(rng):
+    """Points straight below a scanner that flies level, each on a level plane of its own."""
+    n, mounting = 400, Mounting(lever_arm=np.zeros(3))
+    pose = np.zeros((n, 6))
+    pose[:, 2] = 30.0
+    azimuth = rng.uniform(-0.2, 0.2, n) + np.pi / 2
+    rays = Rays(pose, np.zeros(n, int), azimuth, np.zeros(n), np.full(n, 25.0))
+    p_m = georeference(rays, mounting)
+    planes = np.column_stack([np.zeros((n, 2)), np.ones(n), p_m[:, 2]])
+    section = refinement.Section(np.zeros(3), np.array([0, 1.0, 0]), np.array([1.0, 0, 0]))
+    line = np.array([[-3.0, 4.0], [0.0, 5.0], [3.0, 4.0]])
+    return interactive.MovingProfile(rays, np.full(n, "F1"), planes, mounting, section, line, 50.0)
+
+
+def test_moving_profile_has_no_rmse_where_it_should_lie():
+    moving = _moving(np.random.default_rng(0))
+    assert moving.rmse([0, 0, 0]) == pytest.approx(0, abs=1e-12)
+    assert moving.rmse([0, 0, 1]) < moving.rmse([1, 0, 0])
+
+
+def test_a_slider_redraws_the_picture():
+    moving = _moving(np.random.default_rng(0))
+    box = interactive.interactive_profile(moving, [0.0, 0.0, 0.0])
+    *sliders, picture = box.children
+    before = bytes(picture.value)
+    assert before.startswith(b"\x89PNG")
+    assert before == moving.png([0.0, 0.0, 0.0])
+    sliders[0].value = 0.5
+    assert bytes(picture.value) == moving.png([0.5, 0.0, 0.0]) != before
+    assert not plt.get_fignums()
+
+
+def test_ground_spread_is_that_within_cells():
+    rng = np.random.default_rng(0)
+    p_m = np.column_stack([rng.uniform(0, 10, (20_000, 2)), rng.normal(0, 0.05, 20_000)])
+    p_m[:, 2] += 3.0 * np.floor(p_m[:, 0])
+    assert applications.ground_spread(p_m) == pytest.approx(0.05, rel=0.03)
 
 
 # The notebooks' form
