@@ -35,7 +35,7 @@ _KINDS = {"table": "Table", "fig": "Fig."}
 _FARM, _EQUATION, _ROOFS = "01_simulated_farm", "02_lidar_equation", "03_roof_extraction"
 _MATCHING, _CALIBRATION = "04_matching", "05_calibration"
 _REFINEMENT, _ACCURACY = "06_refinement", "07_accuracy"
-_APPLICATIONS = "10_applications"
+_CLAIMS, _APPLICATIONS = "09_claims", "10_applications"
 _REDUCED = f"{100 * RMSE_REDUCTION['C'].value:.0f}\u00a0%"
 
 #: Every table and figure, first those of the paper in its order, then ours in the notebooks' order.
@@ -144,4 +144,10 @@ ARTEFACTS = (
              "RMSE and mean distance of every step, against reference and true planes."),
     Artefact("accuracy_claims", "Statements on accuracy", _ACCURACY,
              "The paper's statements on accuracy, judged by this one survey."),
+    Artefact("verdicts", "Verdicts counted", _CLAIMS,
+             "Number of claims by verdict, the paper's and ours."),
+    Artefact("ordering", "Which method is better", _CLAIMS,
+             "Mean boresight error of each scenario over many surveys, with its interval."),
+    Artefact("errors_against_sigmas", "Errors against sigmas", _CLAIMS,
+             "Error of each angle over its formal σ, one point a survey, one colour a scenario."),
 )  # fmt: skip

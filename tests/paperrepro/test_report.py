@@ -272,7 +272,8 @@ def test_every_artefact_that_a_notebook_writes_is_registered_with_it():
     for path in sorted((ROOT / "notebooks").glob("[0-9]*.ipynb")):
         cells_of = json.loads(path.read_text(encoding="utf-8"))["cells"]
         code = "\n".join("".join(c["source"]) for c in cells_of if c["cell_type"] == "code")
-        for name in re.findall(r'(?:save|write_csv)\(\s*\w+, figures_dir, "(\w+)"', code):
+        names = re.findall(r'(?:save|write_csv)\(\s*\w+, figures_dir, "(\w+)"', code)
+        for name in set(names) - {"claims"}:  # the ledger heads the page, it is no artefact in it
             assert registered.get(name) == path.stem, name
 
 
