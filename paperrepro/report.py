@@ -20,6 +20,7 @@ import pandas as pd
 from paperrepro import __version__
 from paperrepro.artefacts import ARTEFACTS, Artefact
 from paperrepro.captions import Values, caption
+from paperrepro.claims import HEADLINES
 from paperrepro.errors import BadInput
 from paperrepro.quantities import cells, heading, worded
 from paperrepro.tables import Run, frame
@@ -79,6 +80,8 @@ def page(folder: Path, run: Run) -> str:
     return _template().render(
         css=(HERE / "report.css").read_text(encoding="utf-8"),
         claims=claims,
+        headlines=[claim for claim in claims if claim["id"] in HEADLINES] or claims,
+        others=_others(claims),
         verdicts=_counts(claims),
         chip=VERDICTS,
         tables=[item for item in items if item.artefact.name.startswith("table")],
@@ -126,6 +129,12 @@ def _claim(line: dict) -> dict:
     low, high = shown["low"], shown["high"]
     span = f"{low} to {high}" if low and high and low != high else ""
     return {**line, **shown, "span": span}
+
+
+def _others(claims: list[dict]) -> list[dict]:
+    """The claims behind the headlines; none where no headline is among them."""
+    others = [claim for claim in claims if claim["id"] not in HEADLINES]
+    return others if len(others) < len(claims) else []
 
 
 def _counts(claims: Iterable[dict]) -> dict[str, int]:
