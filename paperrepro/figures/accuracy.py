@@ -115,7 +115,7 @@ def offset_strips(ax: Axes, table: pd.DataFrame, bounds_m: dict[str, float]) -> 
     for stage in dict.fromkeys(stages):
         places = [x for x, of in enumerate(stages) if of == stage]
         words = f"after {stage}" if stage else ""
-        ax.annotate(words, (np.mean(places), 0), (0, -22), xycoords=("data", "axes fraction"),
+        ax.annotate(words, (np.mean(places), 0), (0, -31), xycoords=("data", "axes fraction"),
                     textcoords="offset points", ha="center", fontsize=7.5)  # fmt: skip
     ax.set_xlabel(" ")  # room for the stages' names
     ax.set_xlim(-0.55, len(stages) - 0.45)
