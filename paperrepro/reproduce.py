@@ -11,6 +11,7 @@ import tempfile
 import time
 import weakref
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 import pandas as pd
@@ -46,8 +47,12 @@ class NotebookFailed(PaperReproError):
     """A notebook ended with an error."""
 
 
-def reproduce(out: Path, parameters: Mapping, only: tuple[str, ...] = ()) -> dict[str, float]:
+def reproduce(
+    out: Path, parameters: Mapping, only: tuple[str, ...] = (), jobs: int = 1
+) -> dict[str, float]:
     """Run the notebooks (those whose names start with one of ``only``, or all) into ``out``.
+
+    ``jobs`` run at a time; what two of them need is computed once, the other waits for it.
 
     Returns the seconds each took. Raises `BadInput` for a parameter that a notebook lacks, and
     `NotebookFailed`, which names notebook, cell and error.
@@ -58,7 +63,7 @@ def reproduce(out: Path, parameters: Mapping, only: tuple[str, ...] = ()) -> dic
     out.mkdir(parents=True, exist_ok=True)
     staging = Path(tempfile.mkdtemp(prefix=".part-", dir=out))
     try:
-        seconds = _run_all(notebooks, staging, {**parameters, "figures_dir": str(staging)})
+        seconds = _run_all(notebooks, staging, {**parameters, "figures_dir": str(staging)}, jobs)
         _move_into(staging, out)
         _merge_rows(out)
     except NotebookFailed:
@@ -91,24 +96,32 @@ def _require_parameters(notebook: Path, parameters: Mapping) -> None:
         )
 
 
-def _run_all(notebooks: list[Path], staging: Path, parameters: Mapping) -> dict[str, float]:
+def _run_all(
+    notebooks: list[Path], staging: Path, parameters: Mapping, jobs: int
+) -> dict[str, float]:
+    """Seconds that each took; a notebook that fails keeps those that wait from starting."""
     logging.getLogger("papermill").setLevel(logging.ERROR)
     (staging / EXECUTED).mkdir()
-    seconds = {}
-    with tqdm(notebooks, unit="notebook") as bar:
-        for notebook in bar:
-            bar.set_description(notebook.stem)
-            start = time.perf_counter()
-            _run(notebook, staging / EXECUTED / notebook.name, parameters)
-            seconds[notebook.stem] = time.perf_counter() - start
+    seconds = dict.fromkeys((notebook.stem for notebook in notebooks), 0.0)
+    with ThreadPoolExecutor(jobs) as pool, tqdm(total=len(notebooks), unit="notebook") as bar:
+        futures = {pool.submit(_run, path, staging, parameters): path for path in notebooks}
+        try:
+            for future in as_completed(futures):
+                seconds[futures[future].stem] = future.result()
+                bar.set_description(futures[future].stem)
+                bar.update()
+        except NotebookFailed:
+            pool.shutdown(cancel_futures=True)
+            raise
     return seconds
 
 
-def _run(notebook: Path, executed: Path, parameters: Mapping) -> None:
+def _run(notebook: Path, staging: Path, parameters: Mapping) -> float:
+    start = time.perf_counter()
     try:
         papermill.execute_notebook(
             str(notebook),
-            str(executed),
+            str(staging / EXECUTED / notebook.name),
             dict(parameters),
             kernel_name="python3",
             progress_bar=False,
@@ -119,6 +132,7 @@ def _run(notebook: Path, executed: Path, parameters: Mapping) -> None:
             f"{notebook.name}, cell {error.cell_index}: {error.ename}: {error.evalue}; "
             f"the notebook as far as it ran is in the folder {EXECUTED}"
         ) from None
+    return time.perf_counter() - start
 
 
 def _merge_rows(folder: Path) -> None:
