@@ -32,10 +32,6 @@ class FaceStates:
     width: np.ndarray
     scatter: np.ndarray
 
-    def spread(self, normals: np.ndarray) -> np.ndarray:
-        """Mean squared distance (F,) m² of the points from their centroid along (F, 3) normals."""
-        return np.einsum("fa,fab,fb->f", normals, self.scatter, normals) / self.count
-
 
 def face_states(rays: Rays, ranges: np.ndarray, unknowns: Unknowns, x: np.ndarray) -> FaceStates:
     """`FaceStates` of faces whose points are ``ranges[f, 0]:ranges[f, 1]``."""

@@ -46,7 +46,8 @@ def screen(survey: Survey, matched: MatchedFaces) -> Screening:
     while True:
         for _ in range(2):
             x = pairs.step(x, weight)
-        ratio = np.square(pairs.misclosures(x)[0] / pairs.limits(x))
+        states = pairs.states(x)
+        ratio = np.square(pairs.misclosures(states)[0] / pairs.limits(states, x))
         if control is None:
             control = 1 / max(2 * ratio.max() - 1, 1e-12)
         if ratio.max() <= 1 or control > TRUNCATED:
@@ -85,9 +86,8 @@ class _Pairs:
     def states(self, x: np.ndarray) -> FaceStates:
         return face_states(self.matched.rays, self.matched.ranges, self.unknowns, x)
 
-    def misclosures(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def misclosures(self, s: FaceStates) -> tuple[np.ndarray, np.ndarray]:
         """Distances (P,) m of centroids from planes, and their derivatives (P, 3)."""
-        s = self.states(x)
         plane, J = s.plane[self.one], s.J_plane[self.one]
         c, J_c = s.centroid[self.other], s.J_centroid[self.other]
         w = np.einsum("pa,pa->p", c, plane[:, :3]) - plane[:, 3]
@@ -96,14 +96,14 @@ class _Pairs:
 
     def step(self, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """One weighted Gauss-Newton step; directions that nothing determines stay."""
-        w, A = self.misclosures(x)
-        weight = weight / np.square(self.limits(x))
+        s = self.states(x)
+        w, A = self.misclosures(s)
+        weight = weight / np.square(self.limits(s, x))
         N, t = A.T @ (weight[:, None] * A), A.T @ (weight * w)
         return x - np.linalg.pinv(N, rcond=1e-10, hermitian=True) @ t
 
-    def limits(self, x: np.ndarray) -> np.ndarray:
+    def limits(self, s: FaceStates, x: np.ndarray) -> np.ndarray:
         """(P,) m, from the noise of both faces' trajectories and of one point."""
-        s = self.states(x)
         J_l = virtual_jacobians(s.centroid, self.matched.mean_poses(), self.unknowns, x)
         sigma2 = centroid_variances(s.plane[:, :3], J_l, np.ones(len(J_l)), self.variances)
         sigma = np.sqrt(sigma2[self.one] + sigma2[self.other])
@@ -112,12 +112,12 @@ class _Pairs:
     def consensus(self, x: np.ndarray) -> tuple[np.ndarray, tuple[Rejection, ...]]:
         """Of each plane, the faces that agree with the one that agrees with most."""
         s, F = self.states(x), len(self.matched.ranges)
-        w, _ = self.misclosures(x)
+        w, _ = self.misclosures(s)
         n, c = s.plane[self.one, :3], s.scatter[self.other]
         spread = np.einsum("pa,pab,pb->p", n, c, n) / s.count[self.other]
         misfit, limit = np.zeros((F, F)), np.full((F, F), -np.inf)
         misfit[self.one, self.other] = np.sqrt(w**2 + spread)
-        limit[self.one, self.other] = self.limits(x)
+        limit[self.one, self.other] = self.limits(s, x)
         agrees = (misfit <= limit) & (misfit <= limit).T
         np.fill_diagonal(agrees, True)
         kept, rejected = np.zeros(F, dtype=bool), []
