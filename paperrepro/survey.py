@@ -6,37 +6,12 @@ poses. Metres, seconds, radians; frames as in `paperrepro.frames`.
 
 from dataclasses import dataclass, field, replace
 
-import numba
 import numpy as np
 
-from paperrepro.errors import BadInput, EmptyStrip, NotFinite, OutsideTrajectory
+from paperrepro.checks import require_finite, require_lengths, require_vector
+from paperrepro.errors import BadInput, EmptyStrip
 from paperrepro.frames import R_NOMINAL, boresight_matrix, require_rotation
-
-
-def _require_finite(values, what: str) -> None:
-    values = np.asarray(values)
-    if not np.isfinite(values).all():
-        where = int(np.flatnonzero(~np.isfinite(values.reshape(len(values), -1)).all(axis=1))[0])
-        raise NotFinite(
-            f"{what}: expected finite numbers, row {where} holds NaN or infinity; "
-            "drop such records before calibrating"
-        )
-
-
-def _require_vector(values, what: str) -> None:
-    if np.shape(values) != (3,):
-        raise BadInput(
-            f"{what}: expected three numbers, got shape {np.shape(values)}; give one per body axis"
-        )
-    _require_finite(values, what)
-
-
-def _require_lengths(lengths: dict[str, int], what: str) -> None:
-    if len(set(lengths.values())) > 1:
-        came = ", ".join(f"{name} {length}" for name, length in lengths.items())
-        raise BadInput(
-            f"{what}: expected columns of one length, got {came}; read them anew from one file"
-        )
+from paperrepro.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -81,10 +56,10 @@ class Mounting:
 
     def __post_init__(self):
         object.__setattr__(self, "R_nominal", require_rotation(self.R_nominal, "mounting rotation"))
-        _require_vector(self.lever_arm, "mounting lever arm")
-        _require_vector(self.boresight, "mounting boresight")
+        require_vector(self.lever_arm, "mounting lever arm")
+        require_vector(self.boresight, "mounting boresight")
         if self.range_offsets is not None:
-            _require_finite(self.range_offsets, "mounting range offsets")
+            require_finite(self.range_offsets, "mounting range offsets")
 
     @property
     def R_l_b(self) -> np.ndarray:
@@ -109,103 +84,39 @@ class Mounting:
 
 
 @dataclass(frozen=True)
-class Trajectory:
-    """Poses in the m-frame: ``time`` (M,) s increasing, ``position`` (M, 3) m,
-    ``attitude`` (M, 3) rad roll, pitch, heading (heading may wrap)."""
-
-    time: np.ndarray
-    position: np.ndarray
-    attitude: np.ndarray
-
-    def __post_init__(self):
-        _require_finite(self.time, "trajectory time")
-        _require_finite(self.position, "trajectory position")
-        _require_finite(self.attitude, "trajectory attitude")
-        names = ("time", "position", "attitude")
-        _require_lengths({name: len(getattr(self, name)) for name in names}, "trajectory")
-        if len(self.time) < 2 or not (np.diff(self.time) > 0).all():
-            raise BadInput(
-                "trajectory: expected at least two poses with increasing time, got "
-                f"{len(self.time)} poses, not increasing or too few; sort it and drop repeats"
-            )
-
-    def at(self, time: np.ndarray, name: str = "strip") -> np.ndarray:
-        """Poses (N, 6) at ``time`` (N,): east, north, up, roll, pitch, heading (unwrapped).
-
-        Cubic Hermite between poses, with three-point tangents: at 200 Hz a 10 Hz vibration of
-        0.03 deg is met to 2e-5 deg where a straight line misses it by 4e-4 deg.
-        Raises `OutsideTrajectory` where ``time`` leaves the trajectory or falls into a gap.
-        """
-        time = np.ascontiguousarray(time, dtype=float)
-        _require_finite(time, f"{name} time")
-        self._require_cover(time, name)
-        pose, rate = self._nodes()
-        out = np.empty((len(time), 6))
-        _hermite(self.time, pose, rate, time, out)
-        return out
-
-    def _nodes(self) -> tuple[np.ndarray, np.ndarray]:
-        pose = np.column_stack([self.position, np.unwrap(self.attitude, axis=0)])
-        return pose, np.gradient(pose, self.time, axis=0)
-
-    def _require_cover(self, time: np.ndarray, name: str) -> None:
-        low, high = time.min(), time.max()
-        first, last = self.time[0], self.time[-1]
-        if low < first or high > last:
-            raise OutsideTrajectory(
-                f"{name}: its points span {low:.3f}-{high:.3f} s, the trajectory "
-                f"{first:.3f}-{last:.3f} s; give the trajectory of this flight, "
-                "in the same time system"
-            )
-        step = np.diff(self.time)
-        for gap in np.flatnonzero(step > max(1.0, 20 * np.median(step))):
-            inside = (time > self.time[gap]) & (time < self.time[gap + 1])
-            if inside.any():
-                raise OutsideTrajectory(
-                    f"{name}: {inside.sum()} points fall into a gap of {step[gap]:.1f} s in the "
-                    f"trajectory after {self.time[gap]:.3f} s; process the trajectory without gaps"
-                )
-
-
-@numba.njit(cache=True, parallel=True)
-def _hermite(nodes, value, rate, time, out):
-    for i in numba.prange(len(time)):
-        k = min(max(np.searchsorted(nodes, time[i], side="right") - 1, 0), len(nodes) - 2)
-        h = nodes[k + 1] - nodes[k]
-        s = (time[i] - nodes[k]) / h
-        a = 2 * s * s * s - 3 * s * s + 1
-        b = s * s * s - 2 * s * s + s
-        c = s * s * s - s * s
-        for j in range(value.shape[1]):
-            out[i, j] = (
-                a * value[k, j]
-                + (1 - a) * value[k + 1, j]
-                + h * (b * rate[k, j] + c * rate[k + 1, j])
-            )
-
-
-@dataclass(frozen=True)
 class Strip:
     """One flight line as measured: ``time`` (N,) s, ``ring`` (N,) uint8, ``azimuth`` (N,) rad,
-    ``rho`` (N,) m measured range. A ring indexes `Scanner.beam_elevations`."""
+    ``rho`` (N,) m measured range. A ring indexes `Scanner.beam_elevations`. Azimuth and range may
+    be float32: at 100 m that is 10 um. ``pose`` (N, 6), m-frame, where a strip carries a pose per
+    point; else poses come from the survey's trajectory."""
 
     name: str
     time: np.ndarray
     ring: np.ndarray
     azimuth: np.ndarray
     rho: np.ndarray
+    pose: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def take(self, index) -> "Strip":
+        """The chosen points; ``index`` as numpy takes it."""
+        columns = (self.time, self.ring, self.azimuth, self.rho)
+        pose = None if self.pose is None else self.pose[index]
+        return Strip(self.name, *(column[index] for column in columns), pose)
 
     def check(self) -> "Strip":
         """Return itself, or raise `EmptyStrip`, `NotFinite`, `BadInput`."""
         if len(self) == 0:
             raise EmptyStrip(f"{self.name}: expected points, the strip is empty; leave it out")
         names = ("time", "ring", "azimuth", "rho")
-        _require_lengths({name: len(getattr(self, name)) for name in names}, self.name)
+        require_lengths({name: len(getattr(self, name)) for name in names}, self.name)
         for column in ("time", "azimuth", "rho"):
-            _require_finite(getattr(self, column), f"{self.name} {column}")
+            require_finite(getattr(self, column), f"{self.name} {column}")
+        if self.pose is not None:
+            require_lengths({"time": len(self), "pose": len(self.pose)}, self.name)
+            require_finite(self.pose, f"{self.name} pose")
         return self
 
 
@@ -263,21 +174,19 @@ class Survey:
 
         Raises what `Strip.check` and `Trajectory.at` raise, and `BadInput` for an unknown ring.
         """
-        part = Strip(
-            strip.name, *(c[index] for c in (strip.time, strip.ring, strip.azimuth, strip.rho))
-        ).check()
+        part = strip.take(index).check()
         ring = np.asarray(part.ring)
         if ring.max() >= self.scanner.n_rings or ring.min() < 0:
             raise BadInput(
                 f"{strip.name}: rings {ring.min()} to {ring.max()} found, {self.scanner.name} has "
                 f"{self.scanner.n_rings}, counted from 0; choose the right scanner or ring column"
             )
-        elevation = self.scanner.beam_elevations[ring]
+        posed = part.pose is not None
         return Rays(
-            self.trajectory.at(part.time, strip.name),
+            np.asarray(part.pose) if posed else self.trajectory.at(part.time, strip.name),
             ring,
-            np.asarray(part.azimuth),
-            elevation,
-            np.asarray(part.rho),
+            np.asarray(part.azimuth, float),
+            self.scanner.beam_elevations[ring],
+            np.asarray(part.rho, float),
             np.asarray(part.time),
         )
