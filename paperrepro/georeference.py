@@ -52,7 +52,7 @@ def _rotate(R, v):
 
 
 @numba.njit(cache=True)
-def _body_to_map_matrix(roll, pitch, heading):
+def body_to_map_matrix(roll, pitch, heading):
     """``R_b_m`` as nested tuples, so that a loop over points allocates nothing."""
     cx, sx = np.cos(roll), np.sin(roll)
     cy, sy = np.cos(pitch), np.sin(pitch)
@@ -71,7 +71,7 @@ def _georeference(pose, ring, azimuth, elevation, rho, R_l_b, lever, offsets, p_
         cb = np.cos(elevation[i])
         r_l = (r * cb * np.cos(azimuth[i]), r * cb * np.sin(azimuth[i]), r * np.sin(elevation[i]))
         x, y, z = _rotate(R_l_b, r_l)
-        R = _body_to_map_matrix(pose[i, 3], pose[i, 4], pose[i, 5])
+        R = body_to_map_matrix(pose[i, 3], pose[i, 4], pose[i, 5])
         east, north, up = _rotate(R, (x + lever[0], y + lever[1], z + lever[2]))
         p_m[i, 0] = pose[i, 0] + east
         p_m[i, 1] = pose[i, 1] + north
@@ -107,7 +107,7 @@ def point_jacobians(obs, R_l_b, dR_l_b, lever, offset, p, J_x, J_l):
     ca, sa = np.cos(obs[7]), np.sin(obs[7])
     cb, sb = np.cos(obs[8]), np.sin(obs[8])
     r = obs[6] + offset
-    R = _body_to_map_matrix(obs[3], obs[4], obs[5])
+    R = body_to_map_matrix(obs[3], obs[4], obs[5])
     r_l = (r * cb * ca, r * cb * sa, r * sb)
     x, y, z = _rotate(R_l_b, r_l)
     x, y, z = x + lever[0], y + lever[1], z + lever[2]

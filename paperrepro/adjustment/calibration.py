@@ -19,12 +19,14 @@ def calibrate(
     scenario: str,
     robust: bool = True,
     components: bool = False,
+    lever_arm: bool = False,
 ) -> CalibrationResult:
     """Estimate the boresight by ``scenario``, from ``survey.mounting``'s as start.
 
     ``robust``: faces that miss their plane are left out first, and reported (`screening`).
-    ``components``: scenario D estimates variance components. Raises `BadInput` for an unknown
-    scenario, `TooFewPlanes`, `RankDefect`, `NoConvergence`.
+    ``components``: scenario D estimates variance components; ``lever_arm``: and the lever arm,
+    which the others hold. Raises `BadInput` for an unknown scenario, `TooFewPlanes`, `RankDefect`,
+    `NoConvergence`.
     """
     if scenario not in SCENARIO_NAMES:
         raise BadInput(
@@ -37,7 +39,7 @@ def calibrate(
         matched = matched.subset(screening.kept) if rejected else matched
     if scenario == "D":
         result = trajectory.calibrate_with_trajectory(
-            survey, matched, components=components, near=near
+            survey, matched, components=components, near=near, lever_arm=lever_arm
         )
     else:
         result = scenarios.calibrate(survey, matched, scenario, near)

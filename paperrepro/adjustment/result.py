@@ -4,8 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from paperrepro.adjustment.lever_arm import LeverArm
 from paperrepro.adjustment.matched import Rejection
 from paperrepro.adjustment.observability import Observability
+from paperrepro.adjustment.reliability import Reliability
 from paperrepro.survey import Mounting, Rays
 
 
@@ -32,7 +34,8 @@ class CalibrationResult:
     ``planes`` (G, 4) as (n, d) in the m-frame with ``covariance_planes`` (G, 4, 4); ``sigma0`` and
     ``dof``; RMS of each plane's points about their common plane before and after, (G,) m;
     ``rejected`` faces, left out as wrong matches. Of scenario D alone: the ``trajectory``'s errors,
-    and the factors on the specified sigma where variance ``components`` were estimated.
+    the factors on the specified sigma where variance ``components`` were estimated, the
+    ``lever_arm`` where it was, and the ``reliability`` of each view.
     """
 
     scenario: str
@@ -55,6 +58,16 @@ class CalibrationResult:
     rejected: tuple[Rejection, ...] = ()
     trajectory: TrajectoryErrors | None = None
     components: dict[str, float] | None = None
+    lever_arm: LeverArm | None = None
+    reliability: Reliability | None = None
+
+    @property
+    def calibrated(self) -> Mounting:
+        """The mounting with all that was estimated of it."""
+        mounting = self.mounting.with_calibration(self.boresight, self.range_offsets)
+        if self.lever_arm is None:
+            return mounting
+        return replace(mounting, lever_arm=self.lever_arm.value)
 
     @property
     def n_planes(self) -> int:

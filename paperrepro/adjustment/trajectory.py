@@ -10,8 +10,10 @@ import numpy as np
 
 from paperrepro.adjustment.faces import face_states
 from paperrepro.adjustment.gauss_markov import GaussMarkov
+from paperrepro.adjustment.lever_arm import LeverArm, LeverArmUnknowns
 from paperrepro.adjustment.matched import MatchedFaces
 from paperrepro.adjustment.observability import Observability, require_determined
+from paperrepro.adjustment.reliability import reliability
 from paperrepro.adjustment.result import CalibrationResult, TrajectoryErrors
 from paperrepro.adjustment.scenarios import calibrate
 from paperrepro.adjustment.trajectory_solver import (
@@ -26,8 +28,9 @@ from paperrepro.adjustment.variance_components import VarianceComponents, estima
 from paperrepro.survey import Navigation, Survey
 
 #: Seconds between nodes. Between nodes a second apart an APX-15's heading wanders by 0.01 deg,
-#: which thousands of points see; at a quarter of a second what is left no longer matters.
-NODE_SPACING = 0.25
+#: which thousands of points see. At full density, 15 000 points in such a time, nodes 0.25 s apart
+#: move the yaw by a sigma and promise 5 % too little; from 0.1 s on neither changes any more.
+NODE_SPACING = 0.1
 
 
 def specified_process(navigation: Navigation) -> GaussMarkov:
@@ -43,16 +46,18 @@ def calibrate_with_trajectory(
     components: bool = False,
     spacing: float = NODE_SPACING,
     near: np.ndarray | None = None,
+    lever_arm: bool = False,
 ) -> CalibrationResult:
     """Scenario D, from ``near`` (3,) rad as start, or else from where SL ends.
 
     A start degrees away would be taken for an error of the trajectory.
 
     The prior is ``survey.navigation``'s specification; with ``components`` its sigma, the laser's
-    and the correlation time are estimated from the data. The covariance is that of the stated (or
-    estimated) noise, not scaled by sigma0. Raises `BadInput`, `RankDefect`, `NoConvergence`.
+    and the correlation time are estimated from the data. ``lever_arm``: it is an unknown too, with
+    what was given for it as prior (`lever_arm.PRIOR_SIGMA`). The covariance is that of the stated
+    (or estimated) noise, not scaled by sigma0. Raises `BadInput`, `RankDefect`, `NoConvergence`.
     """
-    model = TrajectoryModel.prepare(survey, matched, range_offsets, spacing)
+    model = TrajectoryModel.prepare(survey, matched, range_offsets, spacing, lever_arm)
     prior, factors = specified_process(survey.navigation), None
     start = model.unknowns.start()
     if near is None:
@@ -61,22 +66,22 @@ def calibrate_with_trajectory(
     if components:
         factors, state = estimate(model, prior, state)
         model, prior = factors.apply(model), factors.prior(prior)
-    state, step, data, iterations = iterate(model, prior, state)
-    return _result(model, prior, start, state, step, data, iterations, factors)
+    solution = iterate(model, prior, state)
+    return _result(model, prior, start, solution, factors)
 
 
 def _result(
     model: TrajectoryModel,
     prior: GaussMarkov,
     start: np.ndarray,
-    state: State,
-    step: Step,
-    data: DataNormals,
-    iterations: int,
+    solution: tuple[State, Step, DataNormals, int],
     factors: VarianceComponents | None,
 ) -> CalibrationResult:
-    matched, u, unknowns = model.matched, len(state.x), model.unknowns
-    observability = _observability(step.S, u, model.pseudo_weight)
+    state, step, data, iterations = solution
+    matched, unknowns = model.matched, model.unknowns
+    lever, u = isinstance(unknowns, LeverArmUnknowns), len(state.x)
+    kept = u - 3 if lever else u
+    observability = _observability(step.S, kept, model.pseudo_weight)
     require_determined(observability)
     Q = np.linalg.inv(step.S)
     planes, Q_planes = _planes_in_map(model, state, Q)
@@ -88,8 +93,8 @@ def _result(
         scenario="D",
         mounting=unknowns.mounting,
         boresight=state.x[:3],
-        range_offsets=unknowns.offsets(state.x) if u > 3 else None,
-        covariance=Q[:u, :u],
+        range_offsets=unknowns.offsets(state.x) if kept > 3 else None,
+        covariance=Q[:kept, :kept],
         planes=planes,
         covariance_planes=Q_planes,
         sigma0=float(np.sqrt(chi2 / dof)),
@@ -104,14 +109,18 @@ def _result(
         observability=observability,
         trajectory=_errors(model, state, step, Q),
         components=None if factors is None else vars(factors).copy(),
+        lever_arm=LeverArm.of(unknowns.mounting, state.x, Q[:u, :u]) if lever else None,
+        reliability=reliability(model.blocks(state), model.cells, state, step, matched.strips),
     )
 
 
-def _observability(S: np.ndarray, u: int, pseudo: np.ndarray) -> Observability:
-    """Of the unknowns (u,), planes and trajectory being free; pseudo-observations apart."""
-    plane = S[u:, u:]
-    S_x = S[:u, :u] - S[:u, u:] @ np.linalg.solve(plane, S[u:, :u]) - np.diag(pseudo)
-    return Observability.of((S_x + S_x.T) / 2, pseudo)
+def _observability(S: np.ndarray, kept: int, pseudo: np.ndarray) -> Observability:
+    """Of boresight and offsets, the first ``kept`` unknowns; lever arm, planes and trajectory
+    being free; pseudo-observations of the offsets apart."""
+    rest = S[kept:, kept:]
+    S_x = S[:kept, :kept] - S[:kept, kept:] @ np.linalg.solve(rest, S[kept:, :kept])
+    S_x -= np.diag(pseudo[:kept])
+    return Observability.of((S_x + S_x.T) / 2, pseudo[:kept])
 
 
 def _planes_in_map(model: TrajectoryModel, state: State, Q: np.ndarray):

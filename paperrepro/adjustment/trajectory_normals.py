@@ -11,8 +11,10 @@ import numba
 import numpy as np
 
 from paperrepro.adjustment.gauss_markov import Nodes
+from paperrepro.adjustment.lever_arm import LeverArmUnknowns
 from paperrepro.adjustment.matched import MatchedFaces
 from paperrepro.adjustment.normals import Unknowns, add_row, adjusted, columns
+from paperrepro.georeference import body_to_map_matrix
 from paperrepro.survey import Rays
 
 N_NODES = 12  # two nodes of six components
@@ -78,7 +80,7 @@ def cell_blocks(
     _cell_blocks(
         *columns(cells.rays), cells.share, cells.ranges, cells.node, origin[cells.plane],
         planes[cells.plane], weight[cells.face], error, *unknowns.kernel_arguments(x), variances,
-        N, t, chi2,
+        3 if isinstance(unknowns, LeverArmUnknowns) else 0, N, t, chi2,
     )  # fmt: skip
     lower = np.tril_indices(size, -1)
     N[:, lower[0], lower[1]] = N[:, lower[1], lower[0]]
@@ -88,12 +90,12 @@ def cell_blocks(
 @numba.njit(cache=True, parallel=True)
 def _cell_blocks(
     pose, ring, azimuth, elevation, rho, share, ranges, node, origin, planes, weight, error,
-    R_l_b, dR_l_b, lever, offsets, ring_column, variances, N, t, chi2,
+    R_l_b, dR_l_b, lever, offsets, ring_column, variances, n_lever, N, t, chi2,
 ):  # fmt: skip
     for c in numba.prange(len(ranges)):
         obs, v, shifted = np.empty(9), np.empty(9), np.empty(9)
         p, J_x, J_l = np.empty(3), np.empty((3, 4)), np.empty((3, 9))
-        row, where = np.empty(20), np.empty(20, np.int64)
+        row, where = np.empty(20 + n_lever), np.empty(20 + n_lever, np.int64)
         before, after, n_x = error[node[c]], error[node[c] + 1], t.shape[1] - 16
         for i in range(ranges[c, 0], ranges[c, 1]):
             obs[:6] = pose[i] + (1 - share[i]) * before + share[i] * after
@@ -103,24 +105,38 @@ def _cell_blocks(
                 variances, p, J_x, J_l,
             )  # fmt: skip
             _row(planes[c], origin[c], p, J_x, J_l, share[i], ring_column[ring[i]], n_x, row, where)
+            if n_lever > 0:
+                _lever_entries(planes[c], shifted, row)
             add_row(row, where, w, weight[c] / s, N[c], t[c])
             chi2[c] += weight[c] * w * w / s
 
 
 @numba.njit(cache=True)
 def _row(plane, origin, p, J_x, J_l, share, column, n_x, row, where):
-    """Entries of a row of A: angles, the ring's offset, n and d, six of each node."""
+    """Entries of a row of A: angles, the ring's offset, the lever arm where it is free, n and d,
+    six of each node."""
     for k in range(4):
         row[k] = plane[0] * J_x[0, k] + plane[1] * J_x[1, k] + plane[2] * J_x[2, k]
         where[k] = k
     where[3] = column
     if column < 0:  # held: a zero entry, anywhere
         row[3], where[3] = 0.0, 2
+    first = len(row) - 16
+    for k in range(4, first):
+        where[k] = n_x - first + k
     for j in range(3):
-        row[4 + j] = p[j] - origin[j]
-    row[7] = -1.0
+        row[first + j] = p[j] - origin[j]
+    row[first + 3] = -1.0
     for m in range(6):
         b = plane[0] * J_l[0, m] + plane[1] * J_l[1, m] + plane[2] * J_l[2, m]
-        row[8 + m], row[14 + m] = (1 - share) * b, share * b
+        row[first + 4 + m], row[first + 10 + m] = (1 - share) * b, share * b
     for k in range(16):
-        where[4 + k] = n_x + k
+        where[first + k] = n_x + k
+
+
+@numba.njit(cache=True)
+def _lever_entries(plane, obs, row):
+    """The plane's normal in the b-frame: Eq. (1) adds the lever arm there."""
+    R = body_to_map_matrix(obs[3], obs[4], obs[5])
+    for k in range(3):
+        row[4 + k] = plane[0] * R[0][k] + plane[1] * R[1][k] + plane[2] * R[2][k]

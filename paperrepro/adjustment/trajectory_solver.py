@@ -11,6 +11,7 @@ import numpy as np
 from paperrepro.adjustment.block_tridiagonal import Factor, factorise
 from paperrepro.adjustment.faces import face_states
 from paperrepro.adjustment.gauss_markov import N_COMPONENTS, GaussMarkov, Nodes
+from paperrepro.adjustment.lever_arm import PRIOR_SIGMA, LeverArmUnknowns
 from paperrepro.adjustment.matched import MatchedFaces, require_spread
 from paperrepro.adjustment.normals import Unknowns, observation_variances
 from paperrepro.adjustment.trajectory_normals import CellBlocks, Cells, cell_blocks
@@ -36,13 +37,19 @@ class TrajectoryModel:
 
     @classmethod
     def prepare(
-        cls, survey: Survey, matched: MatchedFaces, range_offsets: str, spacing: float
+        cls,
+        survey: Survey,
+        matched: MatchedFaces,
+        range_offsets: str,
+        spacing: float,
+        lever_arm: bool = False,
     ) -> "TrajectoryModel":
         if matched.rays.time is None:
             raise BadInput(
                 "scenario D: expected rays with their times, got none; build them from strips"
             )
-        unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, range_offsets)
+        layout = LeverArmUnknowns.layout if lever_arm else Unknowns.layout
+        unknowns = layout(survey.mounting, survey.scanner.n_rings, range_offsets)
         states = face_states(matched.rays, matched.plane_ranges, unknowns, unknowns.start())
         require_spread(states.plane[:, :3])
         nodes = Nodes.covering(matched.rays.time, spacing)
@@ -50,6 +57,8 @@ class TrajectoryModel:
         variances[:N_COMPONENTS] = 0.0  # the error that these stand for is an unknown now
         pseudo = np.zeros(unknowns.size)
         pseudo[3:] = survey.scanner.range_offset_sigma**-2.0
+        if lever_arm:
+            pseudo[-3:] = PRIOR_SIGMA**-2.0
         weight = np.ones(len(matched.ranges))
         cells = Cells.of(matched, nodes)
         return cls(matched, unknowns, nodes, cells, states.centroid, variances, pseudo, weight)
@@ -60,13 +69,16 @@ class TrajectoryModel:
         planes[:, 3] -= np.einsum("ga,ga->g", planes[:, :3], self.origin)
         return State(x, planes, np.zeros((len(self.nodes.time), N_COMPONENTS)))
 
-    def normals(self, state: "State") -> "DataNormals":
-        """Normal equations of the conditions alone, at ``state``."""
-        blocks = cell_blocks(
+    def blocks(self, state: "State") -> CellBlocks:
+        """Normal equations of the conditions at ``state``, cell by cell."""
+        return cell_blocks(
             self.cells, self.origin, state.planes, self.unknowns, state.x, state.error,
             self.variances, self.weight,
         )  # fmt: skip
-        return assemble(blocks, self.cells, state, len(self.nodes.time))
+
+    def normals(self, state: "State") -> "DataNormals":
+        """Normal equations of the conditions alone, at ``state``."""
+        return assemble(self.blocks(state), self.cells, state, len(self.nodes.time))
 
 
 @dataclass(frozen=True)

@@ -47,10 +47,14 @@ def realisation(rng, process: GaussMarkov, time) -> np.ndarray:
     return out
 
 
-def flown(seed, headings=(0.0, 180.0, 90.0, 270.0), scale=1.0, count=120, n_roofs=6):
-    """`MatchedFaces` with the default noise times ``scale``, and the true `Mounting`."""
+def flown(
+    seed, headings=(0.0, 180.0, 90.0, 270.0), scale=1.0, count=120, n_roofs=6,
+    range_sigma=SCANNER.range_sigma,
+):  # fmt: skip
+    """`MatchedFaces` with the default trajectory error times ``scale``, and the true `Mounting`."""
     matched, truth, _ = matched_faces(seed, count=count, n_roofs=n_roofs, headings=headings)
     matched = with_times(matched, headings)
     specified = specified_process(NAVIGATION)
     process = GaussMarkov(scale * specified.sigma, specified.correlation_time)
-    return with_trajectory_error(matched, np.random.default_rng(1000 + seed), process), truth
+    rng = np.random.default_rng(1000 + seed)
+    return with_trajectory_error(matched, rng, process, range_sigma), truth
