@@ -5,7 +5,6 @@ executed notebooks. What is missing is named on the page.
 """
 
 import base64
-import importlib.metadata
 import json
 import os
 import platform
@@ -21,6 +20,7 @@ from paperrepro import __version__
 from paperrepro.artefacts import ARTEFACTS, Artefact
 from paperrepro.captions import Values, caption
 from paperrepro.claims import HEADLINES
+from paperrepro.environment import package_versions
 from paperrepro.errors import BadInput
 from paperrepro.quantities import cells, heading, worded
 from paperrepro.tables import Run, frame
@@ -91,7 +91,7 @@ def page(folder: Path, run: Run) -> str:
         run=run,
         foreign=_foreign(rows, run),
         machine=_machine(),
-        packages=_packages(),
+        packages=package_versions(),
         durations=_durations(folder),
         version=__version__,
     )
@@ -232,19 +232,6 @@ def _machine() -> dict[str, str]:
         "Platform": platform.platform(),
         "Processors": str(os.cpu_count()),
     }
-
-
-def _packages() -> dict[str, str]:
-    """Versions of the packages that the project asks for, as far as they are installed."""
-    versions = {}
-    for requirement in importlib.metadata.requires("paperrepro") or []:
-        name = re.match(r"[\w.-]+", requirement)[0]
-        if "extra ==" not in requirement:
-            try:
-                versions[name] = importlib.metadata.version(name)
-            except importlib.metadata.PackageNotFoundError:
-                continue
-    return dict(sorted(versions.items()))
 
 
 def _durations(folder: Path) -> dict[str, float]:

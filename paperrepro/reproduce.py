@@ -4,47 +4,23 @@ Results are collected in a folder of their own and moved into place when all not
 a run that fails leaves the earlier figures as they were.
 """
 
-import logging
 import os
 import shutil
 import tempfile
 import time
-import weakref
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 import pandas as pd
-import papermill
-from jupyter_client.manager import AsyncKernelManager
-from papermill.exceptions import PapermillExecutionError
 from tqdm import tqdm
-from traitlets import default
 
-from paperrepro.errors import BadInput, PaperReproError
+from paperrepro.errors import BadInput
+from paperrepro.notebooks import OUTPUT, NotebookFailed, declared, execute
 from paperrepro.tables import write_csv
 
 NOTEBOOKS = Path(__file__).resolve().parent.parent / "notebooks"
 EXECUTED = "executed"
-
-
-class _LocalKernelManager(AsyncKernelManager):
-    """Talks to the kernel through files of this user instead of network ports."""
-
-    @default("transport")
-    def _default_transport(self) -> str:
-        return "ipc"
-
-    @default("ip")
-    def _default_ip(self) -> str:
-        """A name that no other kernel has; by default they would meet in the current folder."""
-        folder = tempfile.mkdtemp(prefix="kernel-")
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        return str(Path(folder) / "ipc")
-
-
-class NotebookFailed(PaperReproError):
-    """A notebook ended with an error."""
 
 
 def reproduce(
@@ -63,7 +39,7 @@ def reproduce(
     out.mkdir(parents=True, exist_ok=True)
     staging = Path(tempfile.mkdtemp(prefix=".part-", dir=out))
     try:
-        seconds = _run_all(notebooks, staging, {**parameters, "figures_dir": str(staging)}, jobs)
+        seconds = _run_all(notebooks, staging, {**parameters, OUTPUT: str(staging)}, jobs)
         _move_into(staging, out)
         _merge_rows(out)
     except NotebookFailed:
@@ -87,7 +63,7 @@ def _chosen(only: tuple[str, ...]) -> list[Path]:
 
 def _require_parameters(notebook: Path, parameters: Mapping) -> None:
     """papermill only warns about names it does not know."""
-    known = set(papermill.inspect_notebook(str(notebook))) | {"figures_dir"}
+    known = set(declared(notebook)) | {OUTPUT}
     unknown = sorted(set(parameters) - known)
     if unknown:
         raise BadInput(
@@ -100,7 +76,6 @@ def _run_all(
     notebooks: list[Path], staging: Path, parameters: Mapping, jobs: int
 ) -> dict[str, float]:
     """Seconds that each took; a notebook that fails keeps those that wait from starting."""
-    logging.getLogger("papermill").setLevel(logging.ERROR)
     (staging / EXECUTED).mkdir()
     seconds = dict.fromkeys((notebook.stem for notebook in notebooks), 0.0)
     with ThreadPoolExecutor(jobs) as pool, tqdm(total=len(notebooks), unit="notebook") as bar:
@@ -118,20 +93,8 @@ def _run_all(
 
 def _run(notebook: Path, staging: Path, parameters: Mapping) -> float:
     start = time.perf_counter()
-    try:
-        papermill.execute_notebook(
-            str(notebook),
-            str(staging / EXECUTED / notebook.name),
-            dict(parameters),
-            kernel_name="python3",
-            progress_bar=False,
-            kernel_manager_class=_LocalKernelManager,
-        )
-    except PapermillExecutionError as error:
-        raise NotebookFailed(
-            f"{notebook.name}, cell {error.cell_index}: {error.ename}: {error.evalue}; "
-            f"the notebook as far as it ran is in the folder {EXECUTED}"
-        ) from None
+    hint = f"; the notebook as far as it ran is in the folder {EXECUTED}"
+    execute(notebook, staging / EXECUTED / notebook.name, parameters, hint)
     return time.perf_counter() - start
 
 

@@ -1,0 +1,112 @@
+"""Notebooks as programs: the parameters that they declare, and one execution of them."""
+
+import ast
+import logging
+import shutil
+import tempfile
+import weakref
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import papermill
+from jupyter_client.manager import AsyncKernelManager
+from nbformat import NotebookNode
+from papermill.exceptions import PapermillExecutionError
+from traitlets import default
+
+from paperrepro.errors import BadInput, PaperReproError
+
+#: Parameter that names the folder of results; empty: nothing is written.
+OUTPUT = "figures_dir"
+_PLAIN = (int, float, str, bool)
+
+
+class NotebookFailed(PaperReproError):
+    """A notebook ended with an error: in the cell of index ``cell``, with ``reason`` in a line."""
+
+    def __init__(self, name: str, cell: int | None, reason: str, hint: str = ""):
+        self.cell, self.reason = cell, reason
+        super().__init__(f"{name}, cell {cell}: {reason}{hint}")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter that a notebook declares: a plain scalar and its type."""
+
+    name: str
+    kind: type
+    default: Any
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.kind.__name__} = {self.default!r}"
+
+
+class LocalKernelManager(AsyncKernelManager):
+    """Talks to the kernel through files of this user instead of network ports."""
+
+    @default("transport")
+    def _default_transport(self) -> str:
+        return "ipc"
+
+    @default("ip")
+    def _default_ip(self) -> str:
+        """A name that no other kernel has; by default they would meet in the current folder."""
+        folder = tempfile.mkdtemp(prefix="kernel-")
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        return str(Path(folder) / "ipc")
+
+
+def declared(notebook: Path) -> dict[str, Parameter]:
+    """Parameters of ``notebook`` by name, in their order; papermill only warns about others.
+
+    Raises `BadInput` where there is no such notebook, or a default is no plain scalar.
+    """
+    try:
+        found = papermill.inspect_notebook(str(notebook))
+    except (OSError, ValueError) as error:
+        reason = str(error).partition("\n")[0]
+        raise BadInput(f"{notebook}: expected a notebook, got: {reason}; check its name") from None
+    return {name: _parameter(notebook, **about) for name, about in found.items()}
+
+
+def _parameter(
+    notebook: Path, name: str, inferred_type_name: str, default: str, **_: str
+) -> Parameter:
+    kinds = {kind.__name__: kind for kind in _PLAIN}
+    try:
+        value = ast.literal_eval(default)
+        kind = kinds.get(inferred_type_name, type(value))
+        if kind not in _PLAIN:
+            raise ValueError(kind)
+    except (ValueError, SyntaxError):
+        raise BadInput(
+            f"{notebook.name}: parameter {name}: expected a number, a text or a truth value, "
+            f"got {default}; make it plain in the cell tagged parameters"
+        ) from None
+    return Parameter(name, kind, float(value) if kind is float else value)
+
+
+def execute(
+    notebook: Path | NotebookNode, target: Path, parameters: Mapping, hint: str = "", **engine
+) -> None:
+    """Run ``notebook`` with ``parameters`` into ``target``, on a kernel of its own or, as ``km``,
+    on one that is running.
+
+    Raises `NotebookFailed`, which ends with ``hint``; ``target`` then holds it as far as it ran.
+    """
+    logging.getLogger("papermill").setLevel(logging.ERROR)
+    source = notebook if isinstance(notebook, NotebookNode) else str(notebook)
+    try:
+        papermill.execute_notebook(
+            source,
+            str(target),
+            dict(parameters),
+            kernel_name="python3",
+            progress_bar=False,
+            **(engine or {"kernel_manager_class": LocalKernelManager}),
+        )
+    except PapermillExecutionError as error:
+        reason = f"{error.ename}: {error.evalue}"
+        raise NotebookFailed(target.name, error.cell_index, reason, hint) from None
