@@ -9,7 +9,7 @@ import functools
 import importlib.util
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +78,17 @@ def code_version(module: str) -> str:
     """Hash of the sources of ``module`` and of all modules of ours that it imports, directly or
     not.
     """
-    sources, waiting = {}, [module]
+    return _version_of([module])
+
+
+def code_version_of(source: str) -> str:
+    """The same of all modules of ours that ``source``, a text of Python, imports. Always read
+    anew."""
+    return _version_of(_imports(source.encode()))
+
+
+def _version_of(modules: Iterable[str]) -> str:
+    sources, waiting = {}, list(modules)
     while waiting:
         name = waiting.pop()
         spec = importlib.util.find_spec(name)
