@@ -7,10 +7,8 @@ metric ``failed`` that says in which step, not a gap.
 
 import logging
 import multiprocessing
-import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
 from pathlib import Path
 
 import joblib
@@ -18,21 +16,22 @@ import pandas as pd
 from tqdm import tqdm
 
 from paperrepro.cache import cache_folder, code_version
+from paperrepro.environment import ONE_THREAD, variables
 from paperrepro.errors import PaperReproError
-from paperrepro.study import ARTEFACT, FAILED, Known, measure
+from paperrepro.study import FAILED, Depth, measure
+from paperrepro.study_rows import ARTEFACT, Known
 from paperrepro.survey import Survey
 from paperrepro.tables import COLUMNS, Run, frame, write_csv
 
 SimulateOne = Callable[[Run], tuple[Survey, Known]]
 
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 _log = logging.getLogger(__name__)
 
 
 def run_seeds(
-    simulate_one: SimulateOne, runs: Sequence[Run], workers: int, version: str | None = None
+    simulate_one: SimulateOne, runs: Mapping[Run, Depth], workers: int, version: str | None = None
 ) -> pd.DataFrame:
-    """Rows of all ``runs``, in their order, from ``workers`` processes.
+    """Rows of all ``runs``, in their order, each measured to its depth, by ``workers`` processes.
 
     ``simulate_one`` is a function of a module, since processes are started anew. ``version`` names
     the code that simulates; by default it is made from the module of ``simulate_one``.
@@ -40,24 +39,27 @@ def run_seeds(
     version = version or code_version(simulate_one.__module__)
     folder = cache_folder() / ARTEFACT / joblib.hash((version, code_version(measure.__module__)))
     folder.mkdir(parents=True, exist_ok=True)
-    parts = {run: folder / f"{joblib.hash(run)}.csv" for run in runs}
-    waiting = [run for run in parts if not parts[run].exists()]
+    parts = {run: folder / f"{joblib.hash((run, depth))}.csv" for run, depth in runs.items()}
+    waiting = {run: depth for run, depth in runs.items() if not parts[run].exists()}
     lost = dict(_measured(simulate_one, waiting, parts, workers)) if waiting else {}
     tables = [lost[run] if run in lost else pd.read_csv(parts[run]) for run in runs]
     return pd.concat(tables, ignore_index=True) if tables else frame([])
 
 
 def _measured(
-    simulate_one: SimulateOne, runs: list[Run], parts: dict[Run, Path], workers: int
+    simulate_one: SimulateOne, runs: Mapping[Run, Depth], parts: dict[Run, Path], workers: int
 ) -> Iterator[tuple[Run, pd.DataFrame]]:
     """Measure ``runs`` into their files; yields those that left none."""
     context = multiprocessing.get_context("spawn")
     with (
-        _environment(dict.fromkeys(_THREADS, "1")),
+        variables(ONE_THREAD),
         ProcessPoolExecutor(workers, mp_context=context) as pool,
         tqdm(total=len(runs), unit="survey") as bar,
     ):
-        futures = {pool.submit(run_one, simulate_one, run, parts[run]): run for run in runs}
+        futures = {
+            pool.submit(run_one, simulate_one, run, depth, parts[run]): run
+            for run, depth in runs.items()
+        }
         for future in as_completed(futures):
             bar.update()
             reason = _reason(future)
@@ -67,14 +69,14 @@ def _measured(
                 yield futures[future], frame([failure(futures[future])])
 
 
-def run_one(simulate_one: SimulateOne, run: Run, part: Path) -> str | None:
+def run_one(simulate_one: SimulateOne, run: Run, depth: Depth, part: Path) -> str | None:
     """Simulate and measure one survey into the file ``part``; returns why it failed, or None.
 
     An error that this package raises on purpose would come again, so it is kept too.
     """
     reason = None
     try:
-        rows = measure(*simulate_one(run), run)
+        rows = measure(*simulate_one(run), run, depth=depth)
     except PaperReproError as error:
         rows, reason = [failure(run)], f"{type(error).__name__}: {error}"
     write_csv(frame(rows), part.parent, part.stem)
@@ -98,18 +100,3 @@ def _reason(future: Future) -> str | None:
     """What ended a run: its own error, or that of a process which died."""
     error = future.exception()
     return future.result() if error is None else f"{type(error).__name__}: {error}"
-
-
-@contextmanager
-def _environment(values: dict[str, str]) -> Iterator[None]:
-    """``values`` in the environment that new processes get."""
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name)
-            else:
-                os.environ[name] = value

@@ -1,10 +1,15 @@
 """``paperrepro study``: many simulated surveys measured, the rows that the ledger reads."""
 
 import argparse
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
+import numpy as np
+
 from paperrepro.errors import BadInput
+
+#: Factors by which scenario D is told a wrong specification of the GNSS/INS.
+MISTAKEN = (0.5, 2.0)
 
 
 def add(commands) -> None:
@@ -12,6 +17,11 @@ def add(commands) -> None:
         "study", help="measure many simulated surveys: the rows that the ledger of claims reads"
     )
     command.add_argument("--seeds", type=int, default=20, help="surveys a setting (default 20)")
+    command.add_argument(
+        "--coverage-seeds", type=int, default=0, metavar="N",
+        help="surveys of the first preset of which boresight and sigma are measured: shares of "
+        "intervals need many (default 0: no more than --seeds)",
+    )  # fmt: skip
     command.add_argument(
         "--noise-scale", type=_numbers, default=(0.5, 1.0, 2.0), metavar="0.5,1,2",
         help="factors on the GNSS/INS error (default 0.5,1,2)",
@@ -41,14 +51,9 @@ def run(options: argparse.Namespace) -> int:
     from paperrepro.cache import code_version
     from paperrepro.montecarlo import run_seeds
     from paperrepro.study import FAILED
-    from paperrepro.tables import Run, write_csv
+    from paperrepro.tables import write_csv
 
-    runs = [
-        Run(preset, options.profile, noise_scale, seed)
-        for seed in range(1, options.seeds + 1)
-        for preset in options.preset
-        for noise_scale in options.noise_scale
-    ]
+    runs = _runs(options)
     if not runs:
         raise BadInput(f"seeds: expected at least 1, got {options.seeds}; give a number of surveys")
     for run in runs:
@@ -61,11 +66,31 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _runs(options: argparse.Namespace) -> dict:
+    """Surveys and how deep each is measured: all of it for the first seeds; of the further ones,
+    of the first preset alone, boresight and sigma. At the specified noise scenario D is also told
+    a specification wrong by two."""
+    from paperrepro.study import ANGLES_ONLY, Depth
+    from paperrepro.tables import Run
+
+    runs = {}
+    for seed in range(1, max(options.seeds, options.coverage_seeds) + 1):
+        for preset in options.preset:
+            for noise_scale in options.noise_scale:
+                first = preset == options.preset[0]
+                depth = Depth() if seed <= options.seeds else ANGLES_ONLY
+                if first and noise_scale == 1 and options.coverage_seeds:
+                    depth = replace(depth, mistaken=MISTAKEN)
+                if first or seed <= options.seeds:
+                    runs[Run(preset, options.profile, noise_scale, seed)] = depth
+    return runs
+
+
 def simulate_one(run):
     """A survey of the simulated farm, and what its truth tells a measurement."""
     from data_synth import make_config, simulate
     from data_synth.evaluation import judge_views, true_planes
-    from paperrepro.study import Known
+    from paperrepro.study_rows import Known
 
     config = make_config(**asdict(run))
     survey, truth = simulate(config)
@@ -74,4 +99,15 @@ def simulate_one(run):
         label = judge_views(survey, truth, views).label
         return label, true_planes(truth, label)
 
-    return survey, Known(truth.mounting, judge, config.thinning)
+    return survey, Known(truth.mounting, judge, _true_noise(config), config.thinning)
+
+
+def _true_noise(config):
+    """What disturbs the simulated survey, as the Cramer-Rao bound needs it."""
+    from data_synth.navigation import ATTITUDE_SIGMA, CORRELATION_TIME, POSITION_SIGMA
+    from paperrepro.adjustment.cramer_rao import TrueNoise
+    from paperrepro.adjustment.gauss_markov import GaussMarkov
+
+    sigma = config.noise_scale * np.concatenate([POSITION_SIGMA, ATTITUDE_SIGMA])
+    process = GaussMarkov(sigma, np.full(6, CORRELATION_TIME))
+    return TrueNoise(process, config.range_offset_sigma_m)

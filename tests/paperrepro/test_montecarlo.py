@@ -8,15 +8,19 @@ import pytest
 
 from data_synth.evaluation import judge_views, true_planes
 from paperrepro import claims, montecarlo
+from paperrepro.adjustment.cramer_rao import TrueNoise
+from paperrepro.adjustment.trajectory import specified_process
 from paperrepro.claims import evidence
 from paperrepro.cli import main
 from paperrepro.errors import TooFewPlanes
 from paperrepro.montecarlo import read_study, run_one, run_seeds
-from paperrepro.study import FAILED, Known, measure
+from paperrepro.study import ANGLES_ONLY, FAILED, Depth, measure
+from paperrepro.study_rows import Known
 from paperrepro.tables import COLUMNS, Run, frame, write_csv
 from paperrepro.wrong_match import with_wrong_match
 
-RUNS = [Run("mount", "quick", 1.0, seed) for seed in (1, 2)]
+RUNS = {Run("mount", "quick", 1.0, seed): Depth() for seed in (1, 2)}
+ONE = next(iter(RUNS))
 
 
 def refused(run):
@@ -57,29 +61,37 @@ def test_a_survey_that_fails_is_a_row(cache, simulate):
 @pytest.mark.parametrize(("simulate", "times"), [(refused, 1), (broken, 2)])
 def test_only_what_fails_on_purpose_is_not_asked_again(cache, simulate, times):
     for _ in range(2):
-        run_seeds(simulate, RUNS[:1], 1, version="1")
+        run_seeds(simulate, {ONE: Depth()}, 1, version="1")
     asked = (cache / "asked").read_text().splitlines()
     assert asked == ["1 1"] * times  # with one thread each
     assert "NUMBA_NUM_THREADS" not in os.environ
 
 
+def test_another_depth_is_measured_anew(cache):
+    for depth in (Depth(), ANGLES_ONLY):
+        run_seeds(refused, {ONE: depth}, 1, version="1")
+    assert len((cache / "asked").read_text().splitlines()) == 2
+
+
 def test_another_version_of_the_code_measures_anew(cache):
     for version in ("1", "2"):
-        run_seeds(refused, RUNS[:1], 1, version=version)
+        run_seeds(refused, {ONE: Depth()}, 1, version=version)
     assert len((cache / "asked").read_text().splitlines()) == 2
 
 
 def test_rows_go_to_the_file_of_their_run(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        montecarlo, "measure", lambda survey, known, run: [run.row("study", "B", "x", "m", survey)]
+        montecarlo,
+        "measure",
+        lambda survey, known, run, depth: [run.row("study", "B", "x", "m", survey)],
     )
-    assert run_one(lambda run: (2.5, None), RUNS[0], tmp_path / "part.csv") is None
+    assert run_one(lambda run: (2.5, None), ONE, Depth(), tmp_path / "part.csv") is None
     assert read_study(tmp_path / "part.csv").value.tolist() == [2.5]
     assert [path.name for path in tmp_path.iterdir()] == ["part.csv"]
 
 
 def test_a_study_is_read_as_it_was_written(tmp_path):
-    rows = frame([RUNS[0].row("study", "B", "error_phi", "deg", 0.1 + 0.2, 1e-17)])
+    rows = frame([ONE.row("study", "B", "error_phi", "deg", 0.1 + 0.2, 1e-17)])
     write_csv(rows, tmp_path, "study")
     pd.testing.assert_frame_equal(read_study(tmp_path / "study.csv"), rows)
     assert read_study(tmp_path / "none.csv").empty
@@ -118,8 +130,9 @@ def test_one_survey_measured_has_all_that_the_ledger_asks_for(flown, monkeypatch
         label = judge_views(flown.survey, flown.truth, views).label
         return label, true_planes(flown.truth, label)
 
-    known = Known(flown.truth.mounting, judge, 16)
-    rows = frame(measure(flown.survey, known, RUNS[0]))
+    noise = TrueNoise(specified_process(flown.survey.navigation), 0.015)
+    known = Known(flown.truth.mounting, judge, noise, 16)
+    rows = frame(measure(flown.survey, known, ONE, depth=Depth(mistaken=(2.0,))))
     assert not rows.duplicated(["scenario", "metric"]).any()
     assert np.isfinite(rows.value).all()
     monkeypatch.setattr(evidence, "LEAST_SEEDS", 1)
