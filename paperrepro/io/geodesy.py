@@ -1,0 +1,157 @@
+"""From a map's coordinates and an SBET's latitudes to one local topocentric frame, and back.
+
+The m-frame is east-north-up at one origin on the ellipsoid's normal. Away from the origin, north
+and the vertical turn with the meridians and with the earth's curvature: by 0.3 mrad of heading and
+0.16 mrad of tilt at 1 km and 60 degrees of latitude. So an attitude, which is given against the
+local level and true north at its own pose, is turned into the m-frame, never copied.
+
+Radians and metres. PROJ does the geodesy; the datum is the strips' own (``Grid.crs``).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numba
+import numpy as np
+import pyproj
+from pyproj.exceptions import CRSError, ProjError
+
+from paperrepro.errors import BadInput
+from paperrepro.frames import rotation_zyx
+
+
+@dataclass(frozen=True)
+class LocalFrame:
+    """East-north-up at ``latitude``, ``longitude`` rad, ellipsoidal ``height`` m, on an ellipsoid
+    of semi-major axis ``a`` m and inverse flattening ``rf`` (by default WGS 84's)."""
+
+    latitude: float
+    longitude: float
+    height: float
+    a: float = 6378137.0
+    rf: float = 298.257223563
+
+    @cached_property
+    def _pipeline(self) -> pyproj.Transformer:
+        shape = f"+a={self.a!r} +rf={self.rf!r}"
+        longitude, latitude = np.degrees(self.longitude), np.degrees(self.latitude)
+        return pyproj.Transformer.from_pipeline(
+            f"+proj=pipeline +step +proj=cart {shape} +step +proj=topocentric {shape} "
+            f"+lon_0={longitude:.17g} +lat_0={latitude:.17g} +h_0={self.height:.17g}"
+        )
+
+    def from_geodetic(self, latitude, longitude, height) -> np.ndarray:
+        """Points (N, 3) m, m-frame, of geodetic coordinates (N,) rad, rad, m."""
+        return np.column_stack(
+            self._pipeline.transform(longitude, latitude, height, radians=True)
+        ).astype(float, copy=False)
+
+    def to_geodetic(self, p_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Latitude, longitude rad and ellipsoidal height m, (N,) each, of points (N, 3)."""
+        longitude, latitude, height = self._pipeline.transform(
+            *np.asarray(p_m, float).T, radians=True, direction="INVERSE"
+        )
+        return latitude, longitude, height
+
+    def attitude_from_level(self, latitude, longitude, attitude) -> np.ndarray:
+        """Attitudes (N, 3) rad against the m-frame, of attitudes against the local level and true
+        north at ``latitude``, ``longitude`` (N,) rad. Roll, pitch, heading both."""
+        out = np.empty((len(attitude), 3))
+        level = np.column_stack([latitude, longitude])
+        _turn_attitudes(level, np.asarray(attitude, float), _level_axes(*self._origin), out)
+        return out
+
+    @property
+    def _origin(self) -> tuple[float, float]:
+        return float(self.latitude), float(self.longitude)
+
+
+@numba.njit(cache=True)
+def _level_axes(latitude: float, longitude: float) -> np.ndarray:
+    """Earth-fixed east, north and up at a place, the rows of a (3, 3) array."""
+    sp, cp = np.sin(latitude), np.cos(latitude)
+    sl, cl = np.sin(longitude), np.cos(longitude)
+    return np.array([[-sl, cl, 0.0], [-sp * cl, -sp * sl, cp], [cp * cl, cp * sl, sp]])
+
+
+@numba.njit(cache=True, parallel=True)
+def _turn_attitudes(level, attitude, origin, out):
+    for i in numba.prange(len(attitude)):
+        turn = origin @ _level_axes(level[i, 0], level[i, 1]).T  # level at the pose to m
+        ned = rotation_zyx(attitude[i, 0], attitude[i, 1], attitude[i, 2])
+        enu = np.empty((3, 3))
+        enu[0], enu[1], enu[2] = ned[1], ned[0], -ned[2]
+        R_b_m = turn @ enu
+        out[i, 0] = np.arctan2(-R_b_m[2, 1], -R_b_m[2, 2])
+        out[i, 1] = np.arctan2(R_b_m[2, 0], np.hypot(R_b_m[2, 1], R_b_m[2, 2]))
+        out[i, 2] = np.arctan2(R_b_m[0, 0], R_b_m[1, 0])
+
+
+class Grid:
+    """A map's coordinates against geodetic ones of the same datum.
+
+    ``crs`` as pyproj takes it; of a compound one the horizontal part counts, and the height's unit.
+    Heights are taken as ellipsoidal; `rays` finds out where they are not. Raises `BadInput`.
+    """
+
+    def __init__(self, crs, what: str = "crs"):
+        try:
+            given = pyproj.CRS.from_user_input(crs)
+        except CRSError as error:
+            raise BadInput(
+                f"{what}: expected a coordinate reference system, got {crs!r}; "
+                "give one such as EPSG:32722"
+            ) from error
+        given = given.source_crs if given.is_bound else given
+        self.crs = _horizontal(given)
+        if not (self.crs.is_projected or self.crs.is_geographic):
+            raise BadInput(
+                f"{what}: expected a projected or geographic reference system, got "
+                f"{given.name!r}; give one such as EPSG:32722"
+            )
+        self.name = given.name
+        self.is_orthometric = any(part.is_vertical for part in given.sub_crs_list)
+        self.height_unit = _height_unit(given, self.crs)
+        ellipsoid = self.crs.ellipsoid
+        self.shape = ellipsoid.semi_major_metre, ellipsoid.inverse_flattening
+        self._transform = pyproj.Transformer.from_crs(
+            self.crs, self.crs.geodetic_crs.to_2d(), always_xy=True
+        )
+
+    def to_geodetic(self, xyz: np.ndarray):
+        """Latitude, longitude rad and height m, (N,) each, of coordinates (N, 3). Raises
+        `BadInput` where they lie outside the projection."""
+        try:
+            lon, lat = self._transform.transform(xyz[:, 0], xyz[:, 1], errcheck=True)
+        except ProjError as error:
+            raise BadInput(f"coordinates lie outside of {self.name}: {error}") from error
+        return np.radians(lat), np.radians(lon), self.height_unit * xyz[:, 2]
+
+    def from_geodetic(self, latitude, longitude, height) -> np.ndarray:
+        """Coordinates (N, 3) of geodetic ones; the inverse of `to_geodetic`."""
+        x, y = self._transform.transform(
+            np.degrees(longitude), np.degrees(latitude), direction="INVERSE"
+        )
+        return np.column_stack([x, y, np.asarray(height) / self.height_unit])
+
+    def convergence(self, latitude, longitude) -> np.ndarray:
+        """Grid north clockwise from true north, (N,) rad: a true heading is the grid's plus it."""
+        if self.crs.is_geographic:
+            return np.zeros(np.shape(latitude))
+        step = 1e-6  # rad of latitude, 6 m
+        ahead = self.from_geodetic(np.asarray(latitude) + step, longitude, np.zeros(len(latitude)))
+        behind = self.from_geodetic(np.asarray(latitude) - step, longitude, np.zeros(len(latitude)))
+        along = ahead - behind
+        return -np.arctan2(along[:, 0], along[:, 1])
+
+
+def _horizontal(crs: pyproj.CRS) -> pyproj.CRS:
+    return (crs.sub_crs_list[0] if crs.is_compound else crs).to_2d()
+
+
+def _height_unit(crs: pyproj.CRS, horizontal: pyproj.CRS) -> float:
+    """Metres of a unit of height; where none is named, that of the map's axes."""
+    upward = [axis for axis in crs.axis_info if axis.direction == "up"]
+    if upward:
+        return upward[0].unit_conversion_factor
+    return 1.0 if horizontal.is_geographic else horizontal.axis_info[0].unit_conversion_factor

@@ -1,0 +1,175 @@
+"""LAS and LAZ strips, read in chunks, with a word on whatever a calibration cannot use."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import laspy
+import lazrs
+import numpy as np
+
+from paperrepro.errors import BadInput, EmptyStrip
+from paperrepro.io.geodesy import Grid
+
+#: Points at a time: bounds the transient memory to about 200 MB.
+CHUNK = 1_000_000
+#: ASPRS classes that are no target: low and high noise.
+NOISE = (7, 18)
+#: A sample is taken from so many places of a file, so many points each.
+PLACES, AT_A_PLACE = 40, 500
+READ_ERRORS = (laspy.LaspyException, lazrs.LazrsError, ValueError, EOFError, OSError, IndexError,
+               MemoryError, OverflowError)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class StripFile:
+    """A strip on disk whose header was checked: ``grid`` of its coordinates, ``count`` points,
+    ``scale`` m (its coarsest), ``low`` and ``high`` (3,) corners of its coordinates,
+    ``standard_time`` whether the header promises adjusted standard GPS time."""
+
+    path: Path
+    grid: Grid
+    ring_dimension: str
+    count: int
+    scale: float
+    low: np.ndarray
+    high: np.ndarray
+    standard_time: bool
+
+    def chunks(self, size: int = CHUNK) -> Iterator[laspy.ScaleAwarePointRecord]:
+        """All records in order. Raises `BadInput` where the file ends too early."""
+        seen = 0
+        with opened(self.path) as reader:
+            while seen < self.count:
+                chunk = _read(reader, min(size, self.count - seen), self.path, seen)
+                seen += len(chunk)
+                yield chunk
+
+    def sample(self) -> list[laspy.ScaleAwarePointRecord]:
+        """Records from evenly spread places; all of a small file. Raises as `chunks`."""
+        if self.count <= 5 * PLACES * AT_A_PLACE:
+            return list(self.chunks())
+        parts = []
+        with opened(self.path) as reader:
+            for start in np.linspace(0, self.count - AT_A_PLACE, PLACES).astype(int):
+                try:
+                    reader.seek(int(start))
+                except READ_ERRORS as error:
+                    raise _cut_off(self.path, int(start), self.count, error) from error
+                parts.append(_read(reader, AT_A_PLACE, self.path, int(start)))
+        return parts
+
+    def rings(self, chunk) -> np.ndarray:
+        """(N,) whole numbers of the ring dimension."""
+        return np.asarray(chunk[self.ring_dimension])
+
+
+def coordinates(chunk) -> np.ndarray:
+    """(N, 3), as the map has them."""
+    return np.column_stack([chunk.x, chunk.y, chunk.z])
+
+
+def usable(chunk) -> np.ndarray:
+    """(N,) bool: neither withheld nor noise nor a repeat of the record before it.
+
+    In dual-return mode a scanner may report one echo twice, as strongest and as last.
+    """
+    kept = ~np.isin(np.asarray(chunk.classification), NOISE)
+    if "withheld" in chunk.point_format.dimension_names:
+        kept &= np.asarray(chunk.withheld) == 0
+    columns = (chunk.X, chunk.Y, chunk.Z, chunk.gps_time)
+    same = np.all([column[1:] == column[:-1] for column in map(np.asarray, columns)], axis=0)
+    kept[1:] &= ~same
+    return kept
+
+
+def open_strip(path: Path, crs: str | None = None, ring_dimension: str = "user_data") -> StripFile:
+    """Check a strip's header. ``crs`` overrides the header's.
+
+    Raises `BadInput`, `EmptyStrip`: no such file, another kind of file, no GPS time, no ring
+    dimension, no reference system, no points.
+    """
+    path = Path(path)
+    with opened(path) as reader:
+        header = reader.header
+    names = set(header.point_format.dimension_names)
+    if header.point_count == 0:
+        raise EmptyStrip(f"{path}: expected points, the file holds none; leave it out")
+    if "gps_time" not in names:
+        raise BadInput(
+            f"{path}: expected a GPS time per point, point format {header.point_format.id} has "
+            "none; export the strip with GPS time (point format 1, 3 or 6 and above)"
+        )
+    if ring_dimension not in names:
+        raise BadInput(
+            f"{path}: expected the ring in dimension {ring_dimension!r}, it has "
+            f"{', '.join(sorted(names))}; name the right one with --ring-dimension"
+        )
+    grid = Grid(_crs_of(header, path) if crs is None else crs, "--crs" if crs else str(path))
+    return StripFile(
+        path,
+        grid,
+        ring_dimension,
+        int(header.point_count),
+        float(header.scales.max()),
+        np.array(header.mins),
+        np.array(header.maxs),
+        int(header.global_encoding.gps_time_type) == 1,
+    )
+
+
+def opened(path: Path) -> laspy.LasReader:
+    """A reader of the file, or `BadInput`."""
+    path = Path(path)
+    if not path.is_file():
+        raise BadInput(f"{path}: no such file; give the strips as LAS or LAZ")
+    with path.open("rb") as file:
+        if file.read(4) != b"LASF":
+            kind = "it looks like an SBET: were strip and trajectory swapped?"
+            other = "it is of another kind: give a LAS or LAZ file"
+            sbet = path.stat().st_size % 136 == 0 and path.stat().st_size > 0
+            raise BadInput(f"{path}: expected a LAS/LAZ strip, {kind if sbet else other}")
+    try:
+        return laspy.open(path)
+    except READ_ERRORS as error:
+        raise BadInput(
+            f"{path}: its LAS header cannot be read ({_first_line(error)}); the file is cut off or "
+            "damaged: export or copy it again"
+        ) from error
+
+
+def _read(reader, count: int, path: Path, start: int):
+    try:
+        chunk = reader.read_points(count)
+    except READ_ERRORS as error:
+        raise _cut_off(path, start, reader.header.point_count, error) from error
+    if len(chunk) < count:
+        raise _cut_off(path, start + len(chunk), reader.header.point_count, "no more data")
+    return chunk
+
+
+def _cut_off(path: Path, start: int, count: int, error) -> BadInput:
+    return BadInput(
+        f"{path}: its points cannot be read from number {start} of {count} on "
+        f"({_first_line(error)}); the file is cut off or damaged: export or copy it again"
+    )
+
+
+def _first_line(error) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def _crs_of(header, path: Path):
+    try:
+        crs = header.parse_crs()
+    except Exception as error:  # PROJ and laspy raise many kinds on a damaged record
+        raise BadInput(
+            f"{path}: its reference system cannot be read ({_first_line(error)}); "
+            "name it with --crs, such as --crs EPSG:32722"
+        ) from error
+    if crs is None:
+        raise BadInput(
+            f"{path}: expected a reference system in the header, there is none; "
+            "name it with --crs, such as --crs EPSG:32722"
+        )
+    return crs
