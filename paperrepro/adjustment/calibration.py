@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from paperrepro.adjustment import scenarios, trajectory
-from paperrepro.adjustment.matched import MatchedFaces
+from paperrepro.adjustment.matched import MatchedFaces, require_shared
 from paperrepro.adjustment.result import CalibrationResult
 from paperrepro.adjustment.screening import screen
 from paperrepro.errors import BadInput
@@ -25,13 +25,15 @@ def calibrate(
 
     ``robust``: faces that miss their plane are left out first, and reported (`screening`).
     ``components``: scenario D estimates variance components; ``lever_arm``: and the lever arm,
-    which the others hold. Raises `BadInput` for an unknown scenario, `TooFewPlanes`, `RankDefect`,
-    `NoConvergence`.
+    which the others hold. `Observability.undetermined` names the angles that the flight does not
+    determine, whatever sigma the scenario has for them. Raises `BadInput` for an unknown scenario,
+    `TooFewPlanes`, `RankDefect`, `NoConvergence`.
     """
     if scenario not in SCENARIO_NAMES:
         raise BadInput(
             f"scenario {scenario!r}: expected one of {', '.join(SCENARIO_NAMES)}; name one of them"
         )
+    require_shared(matched)
     rejected, near = (), None
     if robust:
         screening = screen(survey, matched)
@@ -42,5 +44,15 @@ def calibrate(
             survey, matched, components=components, near=near, lever_arm=lever_arm
         )
     else:
-        result = scenarios.calibrate(survey, matched, scenario, near)
+        result = _judged(survey, matched, scenarios.calibrate(survey, matched, scenario, near))
     return replace(result, rejected=rejected)
+
+
+def _judged(survey: Survey, matched: MatchedFaces, result: CalibrationResult) -> CalibrationResult:
+    """With what its flight determines once errors of the trajectory last: the formal sigma of the
+    paper's scenarios do not tell."""
+    if matched.rays.time is None:
+        return result
+    lasting = trajectory.lasting_sigma(survey, matched, result.boresight)
+    seen = result.observability.under(lasting, survey.navigation.attitude_sigma)
+    return replace(result, observability=seen)

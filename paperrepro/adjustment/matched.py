@@ -121,6 +121,19 @@ def require_spread(normals: np.ndarray, least_deg: float = 3.0) -> None:
         )
 
 
+def require_shared(matched: MatchedFaces) -> None:
+    """Raise `TooFewPlanes` where fewer than `LEAST_PLANES` planes are seen from two strips."""
+    strips = [set() for _ in range(matched.n_planes)]
+    for strip, plane in zip(matched.strips, matched.plane, strict=True):
+        strips[plane].add(strip)
+    shared = sum(len(names) > 1 for names in strips)
+    if shared < LEAST_PLANES:
+        raise TooFewPlanes(
+            f"expected at least {LEAST_PLANES} planes that two strips or more see, got {shared} of "
+            f"{matched.n_planes}; a single strip calibrates nothing: add strips that overlap"
+        )
+
+
 def require_width(width: np.ndarray, what: list[str], least_m: float = 0.05) -> None:
     """Raise `RankDefect` where the points of a plane, or face, are only as wide as noise.
 

@@ -5,7 +5,7 @@ place of geometry: every pose is a little off, so the normal equations are never
 their inverse is a number like any other. Two limits keep such numbers from being reported.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,13 @@ AXIS_WORDS = ("roll", "pitch", "yaw")
 #: A mounting made by hand is known to about a degree before any flight: data that leave a direction
 #: of the boresight wider than that have not determined it.
 WIDEST_SIGMA = np.deg2rad(1.0)
+#: An angle known better than this is determined, however good the GNSS/INS.
+LEAST_ATTITUDE_SIGMA = np.deg2rad(0.01)
+_CONFUSED = {
+    "roll": "a turn about the flight direction and a shift across it",
+    "pitch": "a turn about the wings and a shift along the track",
+    "yaw": "a turn about the vertical and shifts along the track at the swath's sides",
+}
 #: Iterations that do not end are the geometry's fault where the best seen direction of the
 #: boresight has this many times the information of the worst.
 WIDEST_CONDITION = 1e3
@@ -27,7 +34,9 @@ class Observability:
     ``rank`` of 3, ``condition`` (largest over least information of a boresight direction),
     ``weakest`` unit vector (3,) about body forward, right, down, ``weakest_sigma`` rad a priori,
     ``offsets_determined``: range-offset directions in which the data outweigh the
-    pseudo-observation.
+    pseudo-observation. ``lasting_sigma`` (3,) rad: standard deviations of the angles where the
+    trajectory's errors last as specified, and ``attitude_sigma`` (3,) rad those of a single pose;
+    None where the points have no times.
     """
 
     rank: int
@@ -35,6 +44,8 @@ class Observability:
     weakest: np.ndarray
     weakest_sigma: float
     offsets_determined: int
+    lasting_sigma: np.ndarray | None = None
+    attitude_sigma: np.ndarray | None = None
 
     @classmethod
     def of(cls, S_data: np.ndarray, weight: np.ndarray) -> "Observability":
@@ -46,13 +57,35 @@ class Observability:
         condition, sigma = float(values[-1] / least), float(1 / np.sqrt(least))
         return cls(rank, condition, weakest, sigma, _offsets_determined(S_data, weight))
 
+    def under(self, lasting_sigma: np.ndarray, attitude_sigma: np.ndarray) -> "Observability":
+        """With what errors of the trajectory that last leave of it."""
+        return replace(self, lasting_sigma=lasting_sigma, attitude_sigma=attitude_sigma)
+
     def __str__(self) -> str:
         parts = ", ".join(
             f"{axis} {part:+.2f}" for axis, part in zip(AXIS_WORDS, self.weakest, strict=True)
         )
-        return (
+        words = (
             f"rank {self.rank} of 3, condition {self.condition:.1f}; weakest direction: "
             f"mostly {self.weakest_word} ({parts})"
+        )
+        return "; ".join([words, *map(self._why_not, self.undetermined)])
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Axes of which the flight tells no more than a single pose does: their errors do not
+        average out, because too few lines or headings, or roofs of too few azimuths, see them."""
+        if self.lasting_sigma is None:
+            return ()
+        least = np.maximum(self.attitude_sigma, LEAST_ATTITUDE_SIGMA)
+        return tuple(np.array(AXIS_WORDS)[self.lasting_sigma > least].tolist())
+
+    def _why_not(self, axis: str) -> str:
+        k = AXIS_WORDS.index(axis)
+        return (
+            f"{axis} is not determined: sigma {np.rad2deg(self.lasting_sigma[k]):.3f} deg, where a "
+            f"single pose has {np.rad2deg(self.attitude_sigma[k]):.3f} deg, since too few opposite "
+            f"and crossing lines or roof azimuths tell {_CONFUSED[axis]} apart"
         )
 
     @property

@@ -21,6 +21,7 @@ from paperrepro.adjustment.trajectory_solver import (
     State,
     Step,
     TrajectoryModel,
+    eliminate,
     iterate,
     prior_chi2,
 )
@@ -31,6 +32,8 @@ from paperrepro.survey import Navigation, Survey
 #: which thousands of points see. At full density, 15 000 points in such a time, nodes 0.25 s apart
 #: move the yaw by a sigma and promise 5 % too little; from 0.1 s on neither changes any more.
 NODE_SPACING = 0.1
+#: Points a face, and seconds between nodes, that show what a flight determines.
+WITNESSES, WITNESS_SPACING = 200, 0.5
 
 
 def specified_process(navigation: Navigation) -> GaussMarkov:
@@ -70,6 +73,17 @@ def calibrate_with_trajectory(
     return _result(model, prior, start, solution, factors)
 
 
+def lasting_sigma(survey: Survey, matched: MatchedFaces, boresight: np.ndarray) -> np.ndarray:
+    """Standard deviations (3,) rad of ``boresight`` under errors of the trajectory that last as
+    specified, as an adjustment that knows of them would have: from `WITNESSES` points a face."""
+    few = matched.thinned(WITNESSES)
+    model = TrajectoryModel.prepare(survey, few, "per_ring", WITNESS_SPACING)
+    state = model.start(np.r_[boresight, np.zeros(model.unknowns.size - 3)])
+    prior = specified_process(survey.navigation)
+    step = eliminate(model.normals(state), prior, model.nodes.time, state, model.pseudo_weight)
+    return np.sqrt(np.diag(np.linalg.inv(step.S))[:3])
+
+
 def _result(
     model: TrajectoryModel,
     prior: GaussMarkov,
@@ -84,6 +98,7 @@ def _result(
     observability = _observability(step.S, kept, model.pseudo_weight)
     require_determined(observability)
     Q = np.linalg.inv(step.S)
+    observability = observability.under(np.sqrt(np.diag(Q)[:3]), prior.sigma[3:])
     planes, Q_planes = _planes_in_map(model, state, Q)
     chi2 = data.chi2 + prior_chi2(prior, model.nodes.time, state.error)
     chi2 += float(model.pseudo_weight @ np.square(state.x))

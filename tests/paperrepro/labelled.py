@@ -18,9 +18,12 @@ HEADINGS_DEG = (0.0, 180.0, 90.0, 270.0)
 BORESIGHT_DEG = (1.1, -0.8, 1.3)
 
 
-def gable_planes(rng, n_roofs=6):
-    """Planes (2 n_roofs, 4) of gables of varied azimuth and pitch within 25 m of the origin."""
+def gable_planes(rng, n_roofs=6, azimuth_deg=None):
+    """Planes (2 n_roofs, 4) of gables of varied pitch within 25 m of the origin, their azimuths
+    varied too or all ``azimuth_deg``."""
     azimuth = np.linspace(0, np.pi, n_roofs, endpoint=False)
+    if azimuth_deg is not None:
+        azimuth = np.full(n_roofs, np.deg2rad(azimuth_deg))
     azimuth = np.repeat(azimuth, 2) + np.tile([0, np.pi], n_roofs)
     pitch = np.repeat(np.deg2rad(rng.uniform(18, 33, n_roofs)), 2)
     level = np.column_stack([np.sin(azimuth), np.cos(azimuth)])
@@ -69,14 +72,14 @@ def survey_of(start=None, scanner=SCANNER, navigation=NAVIGATION):
 
 def matched_faces(
     seed=0, boresight_deg=BORESIGHT_DEG, offsets=None, count=120, n_roofs=6,
-    headings=HEADINGS_DEG, gusts=True,
+    headings=HEADINGS_DEG, gusts=True, azimuth_deg=None,
 ):  # fmt: skip
     """`MatchedFaces` without noise, and the true `Mounting` and planes (2 n_roofs, 4)."""
     rng = np.random.default_rng(seed)
     truth = Mounting(
         lever_arm=LEVER_ARM, boresight=np.deg2rad(boresight_deg), range_offsets=offsets
     )
-    planes, centres = gable_planes(rng, n_roofs)
+    planes, centres = gable_planes(rng, n_roofs, azimuth_deg)
     faces, strips, ties = [], [], []
     for plane, centre in zip(planes, centres, strict=True):
         ties.append(list(range(len(faces), len(faces) + len(headings))))

@@ -49,10 +49,12 @@ def realisation(rng, process: GaussMarkov, time) -> np.ndarray:
 
 def flown(
     seed, headings=(0.0, 180.0, 90.0, 270.0), scale=1.0, count=120, n_roofs=6,
-    range_sigma=SCANNER.range_sigma,
+    range_sigma=SCANNER.range_sigma, azimuth_deg=None,
 ):  # fmt: skip
     """`MatchedFaces` with the default trajectory error times ``scale``, and the true `Mounting`."""
-    matched, truth, _ = matched_faces(seed, count=count, n_roofs=n_roofs, headings=headings)
+    matched, truth, _ = matched_faces(
+        seed, count=count, n_roofs=n_roofs, headings=headings, azimuth_deg=azimuth_deg
+    )
     matched = with_times(matched, headings)
     specified = specified_process(NAVIGATION)
     process = GaussMarkov(scale * specified.sigma, specified.correlation_time)
