@@ -1,13 +1,13 @@
 """The paper's seven steps in a row, from a survey to a refined boresight (Fig. 3).
 
 A boresight error of a degree makes a roof 18 cm thick within one strip, because the fan of beams
-sees it from 10 m apart, and sets opposite strips a metre apart. So the roofs are found in passes:
+sees it from 10 m apart, and sets opposite strips a metre apart. So the roofs are found in `passes`:
 first by the central beams alone with wide thresholds, then by all beams after each adjustment,
 until the boresight under which they were found no longer changes.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,9 +16,9 @@ from paperrepro.adjustment.matched import MatchedFaces, Rejection
 from paperrepro.adjustment.refinement import refine
 from paperrepro.adjustment.result import CalibrationResult
 from paperrepro.adjustment.screening import screen
-from paperrepro.errors import NoConvergence
 from paperrepro.georeference import georeference
 from paperrepro.matching import FaceKey, FacePair, MatchParameters, match
+from paperrepro.passes import Progress, settle, silent
 from paperrepro.segmentation.roofs import RoofParameters, Roofs, candidates, extract
 from paperrepro.survey import Mounting, Rays, Survey
 
@@ -108,11 +108,14 @@ class RoofSurvey:
         ]
 
 
-def find_candidates(survey: Survey, params: PipelineParameters | None = None) -> Candidates:
+def find_candidates(
+    survey: Survey, params: PipelineParameters | None = None, progress: Progress = silent
+) -> Candidates:
     """Outlier removal and ground filter of every strip, one strip in memory at a time."""
     params = params or PipelineParameters()
     index, rays = {}, {}
     for strip in survey.strips:
+        progress(f"{strip.name}: points above the ground")
         whole = survey.rays(strip)
         index[strip.name] = candidates(georeference(whole, survey.mounting), params.fine.roofs)
         rays[strip.name] = whole.take(index[strip.name])
@@ -120,26 +123,23 @@ def find_candidates(survey: Survey, params: PipelineParameters | None = None) ->
 
 
 def find_roofs(
-    survey: Survey, points: Candidates, params: PipelineParameters | None = None
+    survey: Survey,
+    points: Candidates,
+    params: PipelineParameters | None = None,
+    progress: Progress = silent,
 ) -> RoofSurvey:
     """Roofs of all strips and their matches, from the survey's own mounting as start.
 
     Raises `TooFewPlanes`, `RankDefect`, `NoConvergence`.
     """
     params = params or PipelineParameters()
-    mounting, boresights = survey.mounting, [survey.mounting.boresight]
-    step = params.coarse
-    for _ in range(params.max_passes):
-        found = roofs_under(survey, points, mounting, step, params.seed)
-        boresights.append(calibrate(survey, found.matched, "SL").boresight)
-        change = np.abs(boresights[-1] - boresights[-2]).max()
-        if step is params.fine and np.rad2deg(change) < params.settled_deg:
-            return replace(found, boresights=np.array(boresights))
-        mounting, step = mounting.with_calibration(boresights[-1]), params.fine
-    raise NoConvergence(
-        f"the roofs did not settle in {params.max_passes} passes, last change "
-        f"{np.rad2deg(change):.3f} deg (limit {params.settled_deg} deg); "
-        "look for wrong matches, or start closer to the mounting"
+    return settle(
+        survey,
+        lambda mounting, step: roofs_under(survey, points, mounting, step, params.seed),
+        (params.coarse, params.fine),
+        params.max_passes,
+        params.settled_deg,
+        progress,
     )
 
 
