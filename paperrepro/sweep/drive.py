@@ -1,0 +1,160 @@
+"""Handing the runs of a sweep to Dask workers and taking in what they leave, one by one."""
+
+import logging
+import sys
+import tempfile
+import uuid
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+
+from dask.distributed import Client, Future, LocalCluster, as_completed
+from dask.system import CPU_COUNT
+from tqdm import tqdm
+
+from paperrepro.environment import ONE_THREAD, variables
+from paperrepro.errors import BadInput
+from paperrepro.sweep.fingerprint import Fingerprint
+from paperrepro.sweep.grid import Point
+from paperrepro.sweep.kernel import stop_kernels
+from paperrepro.sweep.store import Store
+from paperrepro.sweep.task import OtherVersion, Outcome, require_version, run_point
+
+_CONNECT_S = 20
+_DASHBOARD = "127.0.0.1:8787"  # or the next free port
+_BAR = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}{postfix}]"
+
+
+@dataclass
+class Progress:
+    """What has become of the runs that were waiting. ``lost`` ones left neither rows nor an error
+    of their own, because a worker died for example; the next start makes them anew."""
+
+    done: list[Point] = field(default_factory=list)
+    failed: dict[Point, str] = field(default_factory=dict)
+    lost: dict[Point, str] = field(default_factory=dict)
+    seconds: float = 0.0
+    interrupted: bool = False
+
+    def __str__(self) -> str:
+        return f"{len(self.done)} done, {len(self.failed) + len(self.lost)} failed"
+
+
+@contextmanager
+def cluster(scheduler: str | None = None, workers: int | None = None) -> Iterator[Client]:
+    """A client of the workers of ``scheduler``, an address, or of so many new processes here.
+
+    Raises `BadInput` where no scheduler answers.
+    """
+    if scheduler is None:
+        with _local(workers or CPU_COUNT) as client:
+            yield client
+        return
+    try:
+        client = Client(scheduler, timeout=_CONNECT_S)
+    except (OSError, ValueError) as error:
+        raise BadInput(
+            f"--scheduler {scheduler}: expected the address of a Dask scheduler, such as "
+            f"tcp://10.0.0.1:8786; none answers ({type(error).__name__}); start it with "
+            "'dask scheduler'"
+        ) from None
+    with client:
+        yield client
+
+
+@contextmanager
+def _local(workers: int) -> Iterator[Client]:
+    """Processes of one thread, those of their libraries too."""
+    with (
+        tempfile.TemporaryDirectory(prefix="sweep-dask-") as folder,
+        variables(ONE_THREAD),
+        LocalCluster(
+            n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
+            dashboard_address=_DASHBOARD, local_directory=folder, silence_logs=logging.CRITICAL,
+        ) as processes,
+        Client(processes) as client,
+    ):  # fmt: skip
+        yield client
+
+
+def check_workers(client: Client, notebook: str, asked: Fingerprint) -> int:
+    """How many workers there are by now. Raises `BadInput` where one has another version."""
+    answers = client.run(require_version, notebook, asked, on_error="return")
+    for worker, answer in answers.items():
+        if isinstance(answer, Exception):
+            raise BadInput(f"worker {worker}: {answer}")
+    return len(answers)
+
+
+def drive(
+    client: Client, points: Sequence[Point], notebook: str, asked: Fingerprint, store: Store
+) -> Progress:
+    """Make all ``points`` by executing ``notebook``, a text, on the workers of ``client``.
+
+    Ctrl-C ends it early, with what was done kept. Raises `OtherVersion` where a worker, or the
+    code since the start, differs from what was ``asked``.
+    """
+    progress = Progress()
+    sweep = uuid.uuid4().hex
+    futures = client.map(
+        run_point,
+        [dict(point.parameters) for point in points],
+        notebook=notebook,
+        asked=asked,
+        sweep=sweep,
+        key=[f"{point.name}-{sweep}" for point in points],
+    )
+    waiting = dict(zip(futures, points, strict=True))
+    try:
+        with _bar(len(points)) as bar:
+            for future in as_completed(futures):
+                _take(future, waiting.pop(future), store, progress)
+                bar.set_postfix_str(f"{progress}, {len(waiting)} left", refresh=False)
+                bar.update()
+    except KeyboardInterrupt:
+        progress.interrupted = True
+    finally:
+        _stop(client, list(waiting), sweep)
+    return progress
+
+
+def _bar(total: int) -> tqdm:
+    """Its estimate is what is left times the mean time so far; a file gets a line in a minute."""
+    pause = 0.5 if sys.stderr.isatty() else 60
+    return tqdm(total=total, smoothing=0, bar_format=_BAR, unit="run", mininterval=pause)
+
+
+def _take(future: Future, point: Point, store: Store, progress: Progress) -> None:
+    """Keep what one run left."""
+    try:
+        outcome = future.result()
+    except OtherVersion:
+        raise
+    except Exception as error:
+        progress.lost[point] = f"{type(error).__name__}: {error}"
+        return
+    finally:
+        future.release()
+    progress.seconds += outcome.seconds
+    error = outcome.error or _kept(point, outcome, store)
+    if error:
+        store.keep_failure(point, outcome.notebook, error)
+        progress.failed[point] = error
+    else:
+        progress.done.append(point)
+
+
+def _kept(point: Point, outcome: Outcome, store: Store) -> str:
+    """Nothing, or why the rows cannot be kept."""
+    try:
+        store.keep(point, outcome.notebook, outcome.rows)
+    except (BadInput, ValueError) as error:
+        return str(error)
+    return ""
+
+
+def _stop(client: Client, futures: list[Future], sweep: str) -> None:
+    """No run is begun any more, none goes on, and no kernel stays behind."""
+    with suppress(Exception):
+        client.cancel(futures, force=True)
+        client.run(stop_kernels, sweep, on_error="ignore")
