@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from paperrepro.adjustment.calibration import PAPER_SCENARIOS, SCENARIO_NAMES, calibrate
+from paperrepro.adjustment.lever_arm import AXES
 from paperrepro.adjustment.result import CalibrationResult
 from paperrepro.errors import PaperReproError
 from paperrepro.pipeline import Candidates, RoofSurvey, find_candidates, find_roofs, refine_all
@@ -31,6 +32,8 @@ from paperrepro.wrong_match import with_wrong_match
 FAILED = "failed"
 #: Endings of scenarios' names: after the refinement; with one wrong match, as it is and screened.
 REFINED, WRONG, SCREENED = " refined", " wrong", " screened"
+#: Scenario D with the lever arm as an unknown, and by how much the one it is told is wrong, m.
+LEVER_ARM, WRONG_LEVER_ARM = "D lever arm", np.array([0.03, -0.03, 0.03])
 
 
 def mistaken_name(factor: float) -> str:
@@ -41,18 +44,19 @@ def mistaken_name(factor: float) -> str:
 @dataclass(frozen=True)
 class Depth:
     """What is measured of a survey beside the calibration by all scenarios: the ``refined`` ones
-    of the paper, their answer to a ``wrong`` match, the ``accuracy`` of all points; and scenario D
-    once more for each factor of ``mistaken`` by which its prior is wrong, variance components
-    being estimated."""
+    of the paper, their answer to a ``wrong`` match, the ``accuracy`` of all points, the
+    ``lever_arm`` by scenario D; and D once more for each factor of ``mistaken`` by which its prior
+    is wrong, variance components being estimated."""
 
     refined: bool = True
     wrong: bool = True
     accuracy: bool = True
+    lever_arm: bool = True
     mistaken: tuple[float, ...] = ()
 
 
 #: Boresight and sigma alone.
-ANGLES_ONLY = Depth(refined=False, wrong=False, accuracy=False)
+ANGLES_ONLY = Depth(refined=False, wrong=False, accuracy=False, lever_arm=False)
 
 
 def measure(
@@ -78,6 +82,8 @@ def measure(
         mountings |= _refined(rows, run, survey, points, truth, results)
     rows += _mistaken_rows(run, survey, found, truth, depth.mistaken)
     rows += bound_rows(run, known, survey, found)
+    if depth.lever_arm:
+        rows += _lever_arm_rows(run, known, survey, found)
     if depth.wrong:
         rows += _wrong_match_rows(run, survey, found, truth, scenarios)
     if depth.accuracy:
@@ -135,6 +141,24 @@ def _mistaken_rows(
                 run.row(ARTEFACT, name, f"component_{group}", "1", value)
                 for group, value in result.components.items()
             ]
+    return rows
+
+
+def _lever_arm_rows(run: Run, known: Known, survey: Survey, found: RoofSurvey) -> list[dict]:
+    """Scenario D told a lever arm that is wrong, and asked for it."""
+    rows: list[dict] = []
+    told = replace(survey.mounting, lever_arm=survey.mounting.lever_arm + WRONG_LEVER_ARM)
+    result = _attempt(
+        rows, run, LEVER_ARM, calibrate, replace(survey, mounting=told), found.matched, "D",
+        lever_arm=True,
+    )  # fmt: skip
+    if result is not None:
+        rows += angle_rows(run, LEVER_ARM, result, known.mounting.boresight)
+        error = result.lever_arm.value - known.mounting.lever_arm
+        rows += [
+            run.row(ARTEFACT, LEVER_ARM, f"error_{axis}", "m", e, s)
+            for axis, e, s in zip(AXES, error, result.lever_arm.sigma, strict=True)
+        ]
     return rows
 
 

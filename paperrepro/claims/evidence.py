@@ -4,6 +4,7 @@ Everything is compared over seeds: a survey is one independent sample, its thous
 not. Intervals are bootstrapped over surveys, or exact for shares of surveys.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,8 @@ CONFIDENCE = 0.95
 #: Before a metric's name: its formal sigma.
 SIGMA = "sigma of "
 _RESAMPLES = 4000
+#: Of values (..., seeds, ...), over the seeds' axis: called with ``axis``.
+Statistic = Callable[..., np.ndarray]
 
 
 class TooLittle(Exception):
@@ -95,6 +98,10 @@ class Surveys:
     def mean(self, series: pd.Series) -> Interval:
         return bootstrap(series.to_numpy(), self.confidence)
 
+    def resampled(self, values: np.ndarray, statistic: Statistic) -> Interval:
+        """``statistic`` of ``values`` (seeds, ...) with its bootstrap interval."""
+        return bootstrap(values, self.confidence, statistic)
+
     def share(self, mask: pd.Series) -> Interval:
         return binomial(int(mask.sum()), len(mask), self.confidence)
 
@@ -131,12 +138,17 @@ class Evidence:
         return Surveys(setting, self._values.loc[key], 1 - (1 - CONFIDENCE) / judged_together)
 
 
-def bootstrap(values: np.ndarray, confidence: float = CONFIDENCE) -> Interval:
-    """Mean of ``values`` (seeds,) and its percentile interval over resampled seeds."""
+def bootstrap(
+    values: np.ndarray,
+    confidence: float = CONFIDENCE,
+    statistic: Statistic = np.mean,
+) -> Interval:
+    """``statistic`` of ``values`` (seeds, ...), their mean by default, and its percentile interval
+    over resampled seeds."""
     draws = np.random.default_rng(0).integers(0, len(values), (_RESAMPLES, len(values)))
     outside = (1 - confidence) / 2
-    low, high = np.quantile(values[draws].mean(axis=1), [outside, 1 - outside])
-    return Interval(float(values.mean()), float(low), float(high))
+    low, high = np.quantile(statistic(values[draws], axis=1), [outside, 1 - outside])
+    return Interval(float(statistic(values, axis=0)), float(low), float(high))
 
 
 def binomial(hits: int, tries: int, confidence: float = CONFIDENCE) -> Interval:

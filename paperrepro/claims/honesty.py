@@ -4,11 +4,13 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from paperrepro.adjustment.lever_arm import AXES, PRIOR_SIGMA
 from paperrepro.claims.evidence import CONFIDENCE, SIGMA, Surveys, TooLittle
 from paperrepro.claims.judges import Quantity
 from paperrepro.claims.verdicts import NO, YES, Judge, Judged, shown, span
 from paperrepro.published import ATTITUDE_ACCURACY
-from paperrepro.study import SCREENED, WRONG
+from paperrepro.study import LEVER_ARM, SCREENED, WRONG
+from paperrepro.study_rows import BOUND
 from paperrepro.tables import ANGLES
 
 _TWO_SIDED = stats.norm.ppf(0.5 + CONFIDENCE / 2)
@@ -65,6 +67,32 @@ def standardised(scenario: str) -> Judge:
     return judge
 
 
+def near_bound(scenario: str, allowed: float) -> Judge:
+    """RMS error of the angle that fares worst, over the Cramer-Rao bound on the same points: yes
+    unless it is above ``allowed`` beyond chance."""
+
+    def judge(surveys: Surveys) -> Judged:
+        series = [surveys.of(scenario, f"error_{angle}") for angle in ANGLES]
+        series += [surveys.of(BOUND, f"bound_{angle}") for angle in ANGLES]
+        squares = np.square(np.column_stack(surveys.enough(*series)))
+        ratio = _ratios(squares, axis=0)
+        worst = int(np.argmax(ratio))
+        spread = surveys.resampled(squares, lambda part, axis: _ratios(part, axis)[..., worst])
+        words = ", ".join(
+            f"{angle} {shown(r, '1')}" for angle, r in zip(ANGLES, ratio, strict=True)
+        )
+        words = f"RMS error over the bound: {words}; worst {span(spread, '1')}"
+        return Judged(spread, "1", len(squares), YES if spread.low <= allowed else NO, words)
+
+    return judge
+
+
+def _ratios(squares: np.ndarray, axis: int) -> np.ndarray:
+    """RMS errors over bounds (..., 3) from squares (..., 6), over the seeds' ``axis``."""
+    mean = squares.mean(axis=axis)
+    return np.sqrt(mean[..., :3] / mean[..., 3:])
+
+
 def critical_ks(surveys: Surveys) -> pd.Series:
     """KS distance that normal samples stay under in 95 % of cases. Points of one view of a face
     share one trajectory error: a view is one sample."""
@@ -110,6 +138,14 @@ def within_specification(scenario: str):
         return pd.concat(inside, axis=1).all(axis=1).astype(float).where(errors[0].notna())
 
     return mask
+
+
+def lever_arm_found(surveys: Surveys) -> pd.Series:
+    """Scenario D finds the forward and right parts of the lever arm better than half of its prior
+    sigma; the down part is not asked."""
+    errors = [surveys.of(LEVER_ARM, f"error_{axis}") for axis in AXES[:2]]
+    found = pd.concat([e.abs() <= PRIOR_SIGMA / 2 for e in errors], axis=1).all(axis=1)
+    return found.astype(float).where(errors[0].notna())
 
 
 def without_screening(scenario: str) -> Quantity:

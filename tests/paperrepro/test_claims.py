@@ -10,24 +10,28 @@ import pandas as pd
 import pytest
 
 from paperrepro import claims
+from paperrepro.adjustment.lever_arm import AXES
 from paperrepro.claims import printed
 from paperrepro.claims.evidence import LEAST_SEEDS, Evidence, binomial, bootstrap
 from paperrepro.claims.verdicts import CONDITIONS, FAILS, HOLDS, UNTESTED, VERDICTS
 from paperrepro.published import Published
-from paperrepro.study import ARTEFACT, FAILED, REFINED, SCREENED, WRONG
+from paperrepro.study import FAILED, LEVER_ARM, REFINED, SCREENED, WRONG, mistaken_name
+from paperrepro.study_rows import ARTEFACT, BOUND
 from paperrepro.tables import ANGLES, COLUMNS, Run, frame
 
 PAPER = ("SL", "A", "B", "C")
 PROPOSED = PAPER[1:]
 AGAINST = ("truth", "reference")
 ACCURACY = ("rmse", "mae", "mean", "skewness", "kurtosis", "ks", "offset_mean", "offset_max")
+MISTAKEN = tuple(mistaken_name(factor) for factor in (0.5, 2.0))
 SCENARIOS = (*PAPER, "D", *(name + end for name in PAPER for end in (REFINED, WRONG, SCREENED)))
 
 #: What a survey says where a test says nothing else: by metric, or by scenario and metric.
 USUAL = {
     "error": 0.01, "sigma": 0.01, "nees": 1.0, "iterations": 4, "seconds": 1.0, "rmse": 0.036,
     "mae": 0.03, "mean": 0.005, "skewness": 0.1, "kurtosis": -0.1, "ks": 0.02,
-    "offset_mean": 0.05, "offset_max": 0.1, ("before", "error"): 1.0, ("before", "rmse"): 0.4,
+    "offset_mean": 0.05, "offset_max": 0.1, "bound": 0.0098, "lever_arm": 0.005,
+    ("before", "error"): 1.0, ("before", "rmse"): 0.4,
     ("before", "mae"): 0.3, ("before", "offset_max"): 0.9, ("truth", "rmse"): 0.035,
     ("all", "views"): 80, ("all", "points"): 90_000, ("all", "pairs"): 130,
     ("all", "density"): 190.0, ("all", "density_below"): 300.0, ("all", "false_pairs"): 0,
@@ -57,6 +61,16 @@ def usual_rows():
                 add(run, name, metric, metric)
             for metric, against in itertools.product(ACCURACY, AGAINST):
                 add(run, name, f"{metric}_{against}", metric)
+    for seed in range(1, LEAST_SEEDS + 1):
+        run = Run("mount", "quick", 1.0, seed)
+        for angle in ANGLES:
+            add(run, BOUND, f"bound_{angle}", "bound")
+            for name in MISTAKEN:
+                add(run, name, f"error_{angle}", "error", 1.0)
+        for name in MISTAKEN:
+            add(run, name, "nees", "nees")
+        for axis in AXES:
+            add(run, LEVER_ARM, f"error_{axis}", "lever_arm", 1.0)
     return pd.DataFrame(rows)
 
 
@@ -155,13 +169,19 @@ def flips():
         order(f"ours-error-D-below-{name}", ("D", "error"), (name, "error"), 0.01, 0.02)
         turn(f"ours-wrong-match-{name}", (name + WRONG, "error"), 0.011, 0.1)
         turn(f"ours-screened-{name}", (name + SCREENED, "error"), 0.011, 0.1)
+    turn("ours-bound-D", ("D", "error"), 0.01, 0.02)
+    turn("lever-arm", (LEVER_ARM, "lever_arm"), 0.01, 0.04)
+    for factor in (0.5, 2.0):
+        name = mistaken_name(factor)
+        turn(f"ours-wrong-prior-{factor:g}-coverage", (name, "error"), 0.01, 0.05)
+        turn(f"ours-wrong-prior-{factor:g}-standardised", (name, "nees"), 0.9, 50.0)
     order("ours-A-more-honest", ("A", "nees"), ("SL", "nees"), 1.0, 50.0)
     return low_high
 
 
 FLIPS = flips()
 PRINTED = {"budget-printed", "table4-agreement", "table4-sigma", "share-contradiction"}
-NEVER = {"lever-arm", "natural-planes", "vibration"}
+NEVER = {"natural-planes", "vibration"}
 COMPLETES = [f"ours-completes-{name}" for name in (*PAPER, "D")]
 
 
