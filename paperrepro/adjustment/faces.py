@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from paperrepro.adjustment.normals import Unknowns, columns
-from paperrepro.georeference import point_jacobians
+from paperrepro.adjustment.normals import Unknowns
+from paperrepro.adjustment.sightlines import Sightlines, axes, body_ray, body_to_map
 from paperrepro.survey import Rays
 
 
@@ -33,13 +33,16 @@ class FaceStates:
     scatter: np.ndarray
 
 
-def face_states(rays: Rays, ranges: np.ndarray, unknowns: Unknowns, x: np.ndarray) -> FaceStates:
+def face_states(
+    rays: Rays | Sightlines, ranges: np.ndarray, unknowns: Unknowns, x: np.ndarray
+) -> FaceStates:
     """`FaceStates` of faces whose points are ``ranges[f, 0]:ranges[f, 1]``."""
     n_faces, size = len(ranges), unknowns.size
     centroid, J = np.zeros((n_faces, 3)), np.zeros((n_faces, 3, size))
     scatter, cross = np.zeros((n_faces, 3, 3)), np.zeros((n_faces, 3, 3, size))
-    arguments = unknowns.kernel_arguments(x)
-    _face_sums(*columns(rays), ranges, *arguments, centroid, J, scatter, cross)
+    R_l_b, dR_l_b, *mounted = unknowns.kernel_arguments(x)
+    turned = R_l_b, axes(R_l_b, dR_l_b), *mounted
+    _face_sums(*Sightlines.of(rays).columns(), ranges, *turned, centroid, J, scatter, cross)
     count = ranges[:, 1] - ranges[:, 0]
     plane, J_plane = _plane_of_scatter(centroid, J, scatter, cross)
     values = np.maximum(np.linalg.eigvalsh(scatter), 0)
@@ -63,53 +66,68 @@ def _plane_of_scatter(centroid, J_centroid, scatter, cross):
 
 @numba.njit(cache=True, parallel=True)
 def _face_sums(
-    pose,
-    ring,
-    azimuth,
-    elevation,
-    rho,
-    ranges,
-    R_l_b,
-    dR_l_b,
-    lever,
-    offsets,
-    ring_column,
-    centroid,
-    J,
-    scatter,
-    cross,
-):
+    position, turns, rho, ring, ranges, R_l_b, turn_axes, lever, offsets, ring_column,
+    centroid, J, scatter, cross,
+):  # fmt: skip
     for f in numba.prange(len(ranges)):
-        obs, p = np.empty(9), np.empty(3)
-        J_x, J_l = np.empty((3, 4)), np.empty((3, 9))
-        first, count = ranges[f, 0], ranges[f, 1] - ranges[f, 0]
-        for second_pass in range(2):
-            for i in range(first, first + count):
-                obs[:6] = pose[i]
-                obs[6], obs[7], obs[8] = rho[i], azimuth[i], elevation[i]
-                point_jacobians(obs, R_l_b, dR_l_b, lever, offsets[ring[i]], p, J_x, J_l)
-                if second_pass:
-                    _add_products(p - centroid[f], J_x, ring_column[ring[i]], scatter[f], cross[f])
-                else:
-                    _add_means(p, J_x, ring_column[ring[i]], 1.0 / count, centroid[f], J[f])
+        q, J_x, near = np.empty(3), np.empty((3, 4)), np.empty(3)
+        first, last = ranges[f, 0], ranges[f, 1]
+        for i in range(first, last):
+            r = rho[i] + offsets[ring[i]]
+            _point(position[i], turns[i], r, R_l_b, turn_axes, lever, q, J_x)
+            if i == first:  # sums are reckoned from a point of the face: no digits are lost
+                near[:] = q
+            for a in range(3):
+                q[a] -= near[a]
+            _add(q, J_x, ring_column[ring[i]], centroid[f], J[f], scatter[f], cross[f])
+        _centre(last - first, near, centroid[f], J[f], scatter[f], cross[f])
 
 
 @numba.njit(cache=True)
-def _add_means(p, J_x, column, weight, centroid, J):
+def _point(position, turns, r, R_l_b, turn_axes, lever, p, J_x):
+    """Eq. (1) of a ray of length ``r`` m: ``p`` (3,) m, ``J_x`` (3, 4) by the angles and ``r``."""
+    R = body_to_map(turns)
+    x, y, z = body_ray(turns, r, R_l_b)
+    k_x, k_y, k_z = body_ray(turns, 1.0, R_l_b)
+    for j in range(3):
+        p[j] = position[j] + (
+            R[j][0] * (x + lever[0]) + R[j][1] * (y + lever[1]) + R[j][2] * (z + lever[2])
+        )
+        J_x[j, 3] = R[j][0] * k_x + R[j][1] * k_y + R[j][2] * k_z
+    for k in range(3):
+        along = turn_axes[k]
+        a, b = along[1] * z - along[2] * y, along[2] * x - along[0] * z
+        c = along[0] * y - along[1] * x
+        for j in range(3):
+            J_x[j, k] = R[j][0] * a + R[j][1] * b + R[j][2] * c
+
+
+@numba.njit(cache=True)
+def _add(q, J_x, column, centroid, J, scatter, cross):
+    """Add a point ``q`` (3,) to the sums of its face."""
     for a in range(3):
-        centroid[a] += weight * p[a]
+        centroid[a] += q[a]
         for k in range(3):
-            J[a, k] += weight * J_x[a, k]
+            J[a, k] += J_x[a, k]
         if column >= 0:
-            J[a, column] += weight * J_x[a, 3]
+            J[a, column] += J_x[a, 3]
+        for b in range(3):
+            scatter[a, b] += q[a] * q[b]
+            for k in range(3):
+                cross[a, b, k] += q[a] * J_x[b, k]
+            if column >= 0:
+                cross[a, b, column] += q[a] * J_x[b, 3]
 
 
 @numba.njit(cache=True)
-def _add_products(r, J_x, column, scatter, cross):
+def _centre(count, near, centroid, J, scatter, cross):
+    """Sums reckoned from ``near`` become means, and sums about the mean."""
     for a in range(3):
         for b in range(3):
-            scatter[a, b] += r[a] * r[b]
-            for k in range(3):
-                cross[a, b, k] += r[a] * J_x[b, k]
-            if column >= 0:
-                cross[a, b, column] += r[a] * J_x[b, 3]
+            scatter[a, b] -= centroid[a] * centroid[b] / count
+            for k in range(J.shape[1]):
+                cross[a, b, k] -= centroid[a] * J[b, k] / count
+    for a in range(3):
+        centroid[a] = near[a] + centroid[a] / count
+        for k in range(J.shape[1]):
+            J[a, k] /= count

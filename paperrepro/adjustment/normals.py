@@ -14,13 +14,10 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from paperrepro.adjustment.sightlines import SETTLED, Sightlines, axes, settle
 from paperrepro.frames import boresight_matrix
 from paperrepro.georeference import boresight_derivatives, point_jacobians
 from paperrepro.survey import Mounting, Navigation, Rays, Scanner
-
-#: Change of a misclosure, m, at which a point's adjusted observations are final: each step gains
-#: some five digits, so what is left is rounding.
-SETTLED = 1e-10
 
 
 @dataclass(frozen=True)
@@ -107,7 +104,7 @@ def columns(rays: Rays) -> tuple:
 
 
 def point_blocks(
-    rays: Rays,
+    rays: Rays | Sightlines,
     ranges: np.ndarray,
     origin: np.ndarray,
     planes: np.ndarray,
@@ -121,9 +118,10 @@ def point_blocks(
     """
     n_planes, size = len(planes), unknowns.size + 4
     N, t, chi2 = np.zeros((n_planes, size, size)), np.zeros((n_planes, size)), np.zeros(n_planes)
-    _point_blocks(
-        *columns(rays), ranges, origin, planes, *unknowns.kernel_arguments(x), variances, N, t, chi2
-    )
+    R_l_b, dR_l_b, *mounted = unknowns.kernel_arguments(x)
+    turned = R_l_b, axes(R_l_b, dR_l_b), *mounted
+    arguments = *Sightlines.of(rays).columns(), ranges, origin, planes, *turned, variances
+    _point_blocks(*arguments, N, t, chi2)
     lower = np.tril_indices(size, -1)
     N[:, lower[0], lower[1]] = N[:, lower[1], lower[0]]
     return Blocks(N, t, chi2, ranges[:, 1] - ranges[:, 0])
@@ -131,51 +129,44 @@ def point_blocks(
 
 @numba.njit(cache=True, parallel=True)
 def _point_blocks(
-    pose,
-    ring,
-    azimuth,
-    elevation,
-    rho,
-    ranges,
-    origin,
-    planes,
-    R_l_b,
-    dR_l_b,
-    lever,
-    offsets,
-    ring_column,
-    variances,
-    N,
-    t,
-    chi2,
-):
+    position, turns, rho, ring, ranges, origin, planes, R_l_b, turn_axes, lever, offsets,
+    ring_column, variances, N, t, chi2,
+):  # fmt: skip
+    per_ring = ring_column.max() >= 0
     for g in numba.prange(len(planes)):
-        obs, v, shifted = np.empty(9), np.empty(9), np.empty(9)
-        p, J_x, J_l = np.empty(3), np.empty((3, 4)), np.empty((3, 9))
-        row, where = np.empty(8), np.empty(8, np.int64)
+        v, b, row = np.empty(9), np.empty(9), np.empty(8)
+        sums = np.zeros((len(ring_column) if per_ring else 1, 8, 9))
         for i in range(ranges[g, 0], ranges[g, 1]):
-            obs[:6] = pose[i]
-            obs[6], obs[7], obs[8] = rho[i], azimuth[i], elevation[i]
-            w, s = adjusted(
-                obs,
-                v,
-                shifted,
-                planes[g],
-                origin[g],
-                R_l_b,
-                dR_l_b,
-                lever,
-                offsets[ring[i]],
-                variances,
-                p,
-                J_x,
-                J_l,
-            )
-            _design_row(
-                planes[g], origin[g], p, J_x, ring_column[ring[i]], t.shape[1] - 4, row, where
-            )
-            add_row(row, where, w, 1.0 / s, N[g], t[g])
+            w, s = settle(
+                position[i], turns[i], rho[i], planes[g], origin[g], R_l_b, turn_axes, lever,
+                offsets[ring[i]], variances, v, b, row,
+            )  # fmt: skip
+            _add_products(row, w, 1.0 / s, sums[ring[i] if per_ring else 0])
             chi2[g] += w * w / s
+        for k in range(len(sums)):
+            _add_sums(sums[k], ring_column[k], N[g], t[g])
+
+
+@numba.njit(cache=True)
+def _add_products(row, w, weight, sums):
+    """Add a condition to the ``sums`` (8, 9) of its ring: products of ``row`` and, last, with w."""
+    for k in range(8):
+        scaled = weight * row[k]
+        for m in range(k, 8):
+            sums[k, m] += scaled * row[m]
+        sums[k, 8] += scaled * w
+
+
+@numba.njit(cache=True)
+def _add_sums(sums, column, N, t):
+    """Add a ring's ``sums`` to N (upper triangle) and t; its offset is at ``column``, or held."""
+    where = np.array((0, 1, 2, column, len(t) - 4, len(t) - 3, len(t) - 2, len(t) - 1))
+    for k in range(8):
+        for m in range(k, 8):
+            if where[k] >= 0 and where[m] >= 0:
+                N[where[k], where[m]] += sums[k, m]
+        if where[k] >= 0:
+            t[where[k]] += sums[k, 8]
 
 
 @numba.njit(cache=True)
@@ -205,21 +196,6 @@ def adjusted(obs, v, shifted, plane, origin, R_l_b, dR_l_b, lever, offset, varia
             b = plane[0] * J_l[0, m] + plane[1] * J_l[1, m] + plane[2] * J_l[2, m]
             v[m] = -variances[m] * b * w / s
     return w, s
-
-
-@numba.njit(cache=True)
-def _design_row(plane, origin, p, J_x, column, n_x, row, where):
-    """Non-zero entries of a row of A: three angles, the ring's offset, n and d."""
-    for k in range(4):
-        row[k] = plane[0] * J_x[0, k] + plane[1] * J_x[1, k] + plane[2] * J_x[2, k]
-    where[0], where[1], where[2] = 0, 1, 2
-    where[3] = column
-    if column < 0:  # held: a zero entry, anywhere
-        row[3], where[3] = 0.0, 2
-    for j in range(3):
-        row[4 + j] = p[j] - origin[j]
-        where[4 + j] = n_x + j
-    row[7], where[7] = -1.0, n_x + 3
 
 
 @numba.njit(cache=True)

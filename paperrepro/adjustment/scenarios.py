@@ -13,17 +13,20 @@ SL is Skaloud and Lichti 2006, the paper's [11]. Range offsets have no datum, a 
 a height shift: each is observed as zero with the scanner's stated accuracy.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from paperrepro.adjustment import centroids as eq5
+from paperrepro.adjustment import remembered
 from paperrepro.adjustment.faces import FaceStates, face_states
 from paperrepro.adjustment.gauss_helmert import Pseudo, Solution, solve_free, solve_reference
 from paperrepro.adjustment.matched import MatchedFaces, require_spread, require_width
 from paperrepro.adjustment.normals import Blocks, Unknowns, observation_variances, point_blocks
 from paperrepro.adjustment.observability import Observability
 from paperrepro.adjustment.result import CalibrationResult
+from paperrepro.adjustment.sightlines import Sightlines
 from paperrepro.errors import BadInput, TooFewPlanes
 from paperrepro.survey import Survey
 
@@ -67,7 +70,7 @@ def calibrate(
     model = _Model.prepare(survey, matched, _by_name(scenario))
     x = model.unknowns.start()
     solution = model.solve(x if near is None else np.r_[near, x[3:]])
-    return _result(model, x, solution)
+    return _result(model, solution)
 
 
 def _by_name(scenario: str | Scenario) -> Scenario:
@@ -85,13 +88,17 @@ class _Model:
     """A scenario's conditions on given faces.
 
     Condition group ``g`` is a plane (free) or a pair (reference): its points are in rows
-    ``ranges[g]``, its centroid conditions are those with ``centroid_group == g``.
+    ``ranges[g]``, its centroid conditions are those with ``centroid_group == g``. ``states`` gives
+    all matched faces at an ``x``, ``before`` all planes at the start.
     """
 
     matched: MatchedFaces
     scenario: Scenario
     unknowns: Unknowns
     variances: np.ndarray
+    rays: Sightlines = field(repr=False)
+    states: Callable[[np.ndarray], FaceStates]
+    before: FaceStates = field(repr=False)
     origin: np.ndarray
     ranges: np.ndarray
     centroid_face: np.ndarray
@@ -102,9 +109,10 @@ class _Model:
     @classmethod
     def prepare(cls, survey: Survey, matched: MatchedFaces, scenario: Scenario) -> "_Model":
         unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, scenario.range_offsets)
-        x = unknowns.start()
-        planes = face_states(matched.rays, matched.plane_ranges, unknowns, x)
+        rays, x = Sightlines.of(matched.rays), unknowns.start()
+        planes = face_states(rays, matched.plane_ranges, unknowns, x)
         require_spread(planes.plane[:, :3])
+        states = remembered.for_array(lambda at: face_states(rays, matched.ranges, unknowns, at))
         faces = np.arange(len(matched.ranges))
         if scenario.free_planes:
             require_width(planes.width, [f"plane {k}" for k in range(matched.n_planes)])
@@ -116,8 +124,8 @@ class _Model:
                     "match strips first"
                 )
             reference, search = np.unique(matched.pairs[:, 0]), matched.pairs[:, 1]
-            states = face_states(matched.rays, matched.ranges[reference], unknowns, x)
-            require_width(states.width, [f"face {k} of {matched.strips[k]}" for k in reference])
+            width = states(x).width[reference]
+            require_width(width, [f"face {k} of {matched.strips[k]}" for k in reference])
             origin = planes.centroid[matched.plane[search]]
             layout = origin, matched.ranges[search], search, np.arange(len(search))
         weight = np.r_[
@@ -125,22 +133,24 @@ class _Model:
         ]
         variances = observation_variances(survey.navigation, survey.scanner)
         pseudo = Pseudo(np.zeros(unknowns.size), weight)
-        return cls(matched, scenario, unknowns, variances, *layout, pseudo, matched.mean_poses())
+        given = matched, scenario, unknowns, variances, rays, states, planes
+        return cls(*given, *layout, pseudo, matched.mean_poses())
 
     def solve(self, x: np.ndarray) -> Solution:
         if not self.scenario.free_planes:
             return solve_reference(self.blocks, self.reference_planes, x, self.pseudo)
-        planes = self.faces(x, self.ranges).plane
+        planes = self.planes(x).plane
         planes[:, 3] -= np.einsum("ga,ga->g", planes[:, :3], self.origin)
         return solve_free(self.blocks, x, planes, self.pseudo)
 
-    def faces(self, x: np.ndarray, ranges: np.ndarray) -> FaceStates:
-        return face_states(self.matched.rays, ranges, self.unknowns, x)
+    def planes(self, x: np.ndarray) -> FaceStates:
+        """Each plane fitted to the points of all its faces."""
+        return face_states(self.rays, self.matched.plane_ranges, self.unknowns, x)
 
     def reference_planes(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Planes (P, 4) of the pairs' reference faces, d from each pair's origin, and (P, 4, u)."""
-        states = self.faces(x, self.matched.ranges[self.matched.pairs[:, 0]])
-        planes, J = states.plane.copy(), states.J_plane.copy()
+        states, reference = self.states(x), self.matched.pairs[:, 0]
+        planes, J = states.plane[reference], states.J_plane[reference]
         planes[:, 3] -= np.einsum("ga,ga->g", planes[:, :3], self.origin)
         J[:, 3] -= np.einsum("gak,ga->gk", J[:, :3], self.origin)
         return planes, J
@@ -151,7 +161,7 @@ class _Model:
         if self.scenario.points:
             parts.append(
                 point_blocks(
-                    self.matched.rays,
+                    self.rays,
                     self.ranges,
                     self.origin,
                     planes,
@@ -165,7 +175,7 @@ class _Model:
         return parts[0] if len(parts) == 1 else parts[0] + parts[1]
 
     def _centroid_blocks(self, x: np.ndarray, planes: np.ndarray) -> Blocks:
-        states = self.faces(x, self.matched.ranges)
+        states = self.states(x)
         face, group = self.centroid_face, self.centroid_group
         J_l = eq5.virtual_jacobians(states.centroid, self.poses, self.unknowns, x)
         n = planes[group, :3]
@@ -178,10 +188,10 @@ class _Model:
         return eq5.centroid_blocks(face, group, states, self.origin, planes, s)
 
 
-def _result(model: _Model, start: np.ndarray, solution: Solution) -> CalibrationResult:
+def _result(model: _Model, solution: Solution) -> CalibrationResult:
     matched, x = model.matched, solution.x
     sigma0 = float(np.sqrt(solution.chi2 / solution.dof))
-    after = model.faces(x, matched.plane_ranges)
+    after = model.planes(x)
     planes, Q_planes = _planes_in_map(model, solution, after)
     conditions = len(model.centroid_face) * model.scenario.centroids
     n_points = int(np.diff(model.ranges, axis=1).sum()) * model.scenario.points
@@ -199,7 +209,7 @@ def _result(model: _Model, start: np.ndarray, solution: Solution) -> Calibration
         converged=True,
         n_points=len(matched.rays),
         n_conditions=n_points + conditions,
-        rms_before=model.faces(start, matched.plane_ranges).rms,
+        rms_before=model.before.rms,
         rms_after=after.rms,
         points_per_plane=after.count,
         observability=Observability.of(solution.S_data, model.pseudo.weight),

@@ -8,14 +8,17 @@ agree with each other most are kept. A wrong match misses by decimetres to metre
 the noise of its trajectory.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from paperrepro.adjustment import remembered
 from paperrepro.adjustment.centroids import centroid_variances, virtual_jacobians
 from paperrepro.adjustment.faces import FaceStates, face_states
 from paperrepro.adjustment.matched import MatchedFaces, Rejection
 from paperrepro.adjustment.normals import Unknowns, observation_variances
+from paperrepro.adjustment.sightlines import Sightlines
 from paperrepro.survey import Survey
 
 #: Two faces agree as long as they miss each other by no more than so many standard deviations.
@@ -38,16 +41,20 @@ class Screening:
     rejected: tuple[Rejection, ...]
 
 
+@remembered.for_objects
 def screen(survey: Survey, matched: MatchedFaces) -> Screening:
-    """Find the faces of ``matched`` that do not belong to their planes."""
+    """Find the faces of ``matched`` that do not belong to their planes.
+
+    All scenarios ask it of the same faces, so the last answer is kept.
+    """
     pairs = _Pairs.of(survey, matched.thinned(POINTS_PER_FACE))
     x, control = survey.mounting.boresight, None
     weight = np.ones(len(pairs.one))
     while True:
         for _ in range(2):
             x = pairs.step(x, weight)
-        states = pairs.states(x)
-        ratio = np.square(pairs.misclosures(states)[0] / pairs.limits(states, x))
+        w, _, limits = pairs.look(x)
+        ratio = np.square(w / limits)
         if control is None:
             control = 1 / max(2 * ratio.max() - 1, 1e-12)
         if ratio.max() <= 1 or control > TRUNCATED:
@@ -67,13 +74,26 @@ def _weights(ratio: np.ndarray, control: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Pairs:
-    """All ordered pairs of faces of a plane: centroid of ``other`` (P,) on the plane of ``one``."""
+    """All ordered pairs of faces of a plane: centroid of ``other`` (P,) on the plane of ``one``.
+
+    ``states`` gives the faces under a boresight, ``look`` the pairs.
+    """
 
     matched: MatchedFaces
     unknowns: Unknowns
     variances: np.ndarray
     one: np.ndarray
     other: np.ndarray
+    poses: np.ndarray = field(init=False)
+    states: Callable[[np.ndarray], FaceStates] = field(init=False)
+    look: Callable[[np.ndarray], tuple] = field(init=False)
+
+    def __post_init__(self):
+        rays, ranges = Sightlines.of(self.matched.rays), self.matched.ranges
+        states = remembered.for_array(lambda x: face_states(rays, ranges, self.unknowns, x))
+        object.__setattr__(self, "poses", self.matched.mean_poses())
+        object.__setattr__(self, "states", states)
+        object.__setattr__(self, "look", remembered.for_array(self._look))
 
     @classmethod
     def of(cls, survey: Survey, matched: MatchedFaces) -> "_Pairs":
@@ -83,28 +103,26 @@ class _Pairs:
         variances = observation_variances(survey.navigation, survey.scanner)
         return cls(matched, unknowns, variances, one, other)
 
-    def states(self, x: np.ndarray) -> FaceStates:
-        return face_states(self.matched.rays, self.matched.ranges, self.unknowns, x)
-
-    def misclosures(self, s: FaceStates) -> tuple[np.ndarray, np.ndarray]:
-        """Distances (P,) m of centroids from planes, and their derivatives (P, 3)."""
+    def _look(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Distances (P,) m of centroids from planes, their derivatives (P, 3), their limits."""
+        s = self.states(x)
         plane, J = s.plane[self.one], s.J_plane[self.one]
         c, J_c = s.centroid[self.other], s.J_centroid[self.other]
         w = np.einsum("pa,pa->p", c, plane[:, :3]) - plane[:, 3]
         turned = np.einsum("pa,pak->pk", c, J[:, :3]) - J[:, 3]
-        return w, turned + np.einsum("pa,pak->pk", plane[:, :3], J_c)
+        A = turned + np.einsum("pa,pak->pk", plane[:, :3], J_c)
+        return w, A, self._limits(s, x)
 
     def step(self, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """One weighted Gauss-Newton step; directions that nothing determines stay."""
-        s = self.states(x)
-        w, A = self.misclosures(s)
-        weight = weight / np.square(self.limits(s, x))
+        w, A, limits = self.look(x)
+        weight = weight / np.square(limits)
         N, t = A.T @ (weight[:, None] * A), A.T @ (weight * w)
         return x - np.linalg.pinv(N, rcond=1e-10, hermitian=True) @ t
 
-    def limits(self, s: FaceStates, x: np.ndarray) -> np.ndarray:
+    def _limits(self, s: FaceStates, x: np.ndarray) -> np.ndarray:
         """(P,) m, from the noise of both faces' trajectories and of one point."""
-        J_l = virtual_jacobians(s.centroid, self.matched.mean_poses(), self.unknowns, x)
+        J_l = virtual_jacobians(s.centroid, self.poses, self.unknowns, x)
         sigma2 = centroid_variances(s.plane[:, :3], J_l, np.ones(len(J_l)), self.variances)
         sigma = np.sqrt(sigma2[self.one] + sigma2[self.other])
         return np.maximum(LIMIT_SIGMAS * sigma, LEAST_LIMIT)
@@ -112,12 +130,12 @@ class _Pairs:
     def consensus(self, x: np.ndarray) -> tuple[np.ndarray, tuple[Rejection, ...]]:
         """Of each plane, the faces that agree with the one that agrees with most."""
         s, F = self.states(x), len(self.matched.ranges)
-        w, _ = self.misclosures(s)
+        w, _, limits = self.look(x)
         n, c = s.plane[self.one, :3], s.scatter[self.other]
         spread = np.einsum("pa,pab,pb->p", n, c, n) / s.count[self.other]
         misfit, limit = np.zeros((F, F)), np.full((F, F), -np.inf)
         misfit[self.one, self.other] = np.sqrt(w**2 + spread)
-        limit[self.one, self.other] = self.limits(s, x)
+        limit[self.one, self.other] = limits
         agrees = (misfit <= limit) & (misfit <= limit).T
         np.fill_diagonal(agrees, True)
         kept, rejected = np.zeros(F, dtype=bool), []

@@ -3,12 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from paperrepro.segmentation.voxels import spatial_order
-
-#: Points queried at once: bounds the memory of the neighbour table (k x 16 bytes a point).
-CHUNK = 250_000
+from paperrepro.segmentation.neighbours import mean_neighbour_distance
 
 
 @dataclass(frozen=True)
@@ -34,19 +30,5 @@ def statistical_outliers(p_m: np.ndarray, k: int = 16, alpha: float = 10.0) -> n
     """
     if len(p_m) <= k:
         return np.ones(len(p_m), dtype=bool)
-    mean_distance = _mean_neighbour_distance(p_m, k)
+    mean_distance = mean_neighbour_distance(p_m, k)
     return mean_distance <= mean_distance.mean() + alpha * mean_distance.std()
-
-
-def _mean_neighbour_distance(p_m: np.ndarray, k: int) -> np.ndarray:
-    """(N,) m. Queries run in spatial order: neighbours in space are then neighbours in memory,
-    which makes the same search three times faster than in the order of measurement."""
-    order = spatial_order(p_m, cell_m=1.0)
-    q = np.ascontiguousarray(p_m[order])
-    tree = cKDTree(q, balanced_tree=False, compact_nodes=False)
-    mean_distance = np.empty(len(q))
-    for start in range(0, len(q), CHUNK):
-        part = slice(start, start + CHUNK)
-        distance, _ = tree.query(q[part], k=k + 1, workers=-1)
-        mean_distance[order[part]] = distance.sum(axis=1) / k  # the first is the point itself, 0
-    return mean_distance

@@ -1,13 +1,8 @@
-"""Cells: the order of points in space, and the thinned cloud on which planes are grown."""
+"""Cells, and the thinned cloud on which planes are grown."""
 
 from dataclasses import dataclass
 
 import numpy as np
-
-
-def spatial_order(p_m: np.ndarray, cell_m: float) -> np.ndarray:
-    """Index (N,) that sorts points (N, 3) by horizontal cell, row by row."""
-    return np.argsort(_keys(p_m[:, :2], cell_m), kind="stable")
 
 
 def _keys(p_m: np.ndarray, cell_m: float) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from paperrepro.segmentation import outliers
 from paperrepro.segmentation.outliers import statistical_outliers
 from tests.paperrepro.segmentation.shapes import ground
 
@@ -23,14 +22,6 @@ def test_is_mu_plus_alpha_sigma_of_the_mean_distance_to_k_neighbours():
     keep = statistical_outliers(p_m, k=5, alpha=1.0)
     np.testing.assert_array_equal(keep, mean <= mean.mean() + mean.std())
     assert 0 < (~keep).sum() < 100
-
-
-def test_chunks_do_not_show(monkeypatch):
-    p_m = np.random.default_rng(3).normal(size=(1000, 3))
-    whole = statistical_outliers(p_m, alpha=1.0)
-    monkeypatch.setattr(outliers, "CHUNK", 77)
-    np.testing.assert_array_equal(statistical_outliers(p_m, alpha=1.0), whole)
-    assert not whole.all()
 
 
 def test_a_cloud_of_k_points_is_kept_whole():

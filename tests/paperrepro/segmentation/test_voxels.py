@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from paperrepro.segmentation.voxels import spatial_order, thin
+from paperrepro.segmentation.voxels import thin
 
 
 def test_each_occupied_voxel_gives_its_mean_and_its_members():
@@ -28,10 +28,3 @@ def test_members_of_several_voxels_come_voxel_by_voxel():
 
 def test_nothing_thins_to_nothing():
     assert len(thin(np.empty((0, 3)), 0.5)) == 0
-
-
-def test_spatial_order_keeps_cells_together():
-    p_m = np.random.default_rng(3).uniform(0, 8, (400, 3))
-    cell = np.floor((p_m - p_m.min(axis=0))[:, :2]).astype(int)[spatial_order(p_m, 1.0)]
-    changes = 1 + (np.diff(cell, axis=0) != 0).any(axis=1).sum()
-    assert changes == len(np.unique(cell, axis=0))
