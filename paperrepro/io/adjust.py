@@ -13,7 +13,8 @@ import numpy as np
 from paperrepro.errors import BadInput
 from paperrepro.georeference import georeference
 from paperrepro.io import rays
-from paperrepro.io.flight import UNKNOWN_RING, Flight
+from paperrepro.io.decoding import UNKNOWN_RING, UP
+from paperrepro.io.flight import Flight
 from paperrepro.io.las import StripFile, opened
 from paperrepro.io.whole import written_whole
 from paperrepro.survey import Mounting, Rays
@@ -27,6 +28,8 @@ def adjust_strips(flight: Flight, mounting: Mounting, out: Path) -> list[Path]:
     """
     out = Path(out)
     for file in flight.files:
+        if not isinstance(file, StripFile):
+            raise BadInput(f"{file.path}: only LAS and LAZ can be written; give the strip as one")
         if (out / file.path.name).exists() and file.path.samefile(out / file.path.name):
             raise BadInput(f"{file.path}: would be overwritten; choose another folder than {out}")
     with written_whole(out) as folder:
@@ -51,13 +54,13 @@ def _adjust_file(flight: Flight, file: StripFile, mounting: Mounting, target: Pa
 
 def adjusted_points(flight: Flight, file: StripFile, chunk, mounting: Mounting) -> np.ndarray:
     """(N, 3) m, m-frame of the flight (heights as in the file) of all records of ``chunk``."""
-    time, p_m = flight.located(file, chunk)
-    pose = flight.reading.trajectory.at(time, str(file.path))
-    azimuth, elevation, rho = rays.laser_rays(pose, p_m, flight.reading.mounting)
-    ring = flight.beam_of_ring[file.rings(chunk)]
+    decoder, records = flight.decoder, file.decoded(chunk)
+    _, p_m, pose = decoder.locate(file, records)
+    azimuth, elevation, rho = rays.laser_rays(pose, p_m, decoder.mounting)
+    ring = decoder.beams(file, records.ring)
     n_rings = flight.survey.scanner.n_rings
     offsets = np.zeros(UNKNOWN_RING + 1)
     offsets[:n_rings] = mounting.offsets(n_rings)[:n_rings]
     seen = Rays(pose, ring, azimuth, elevation, rho)
     moved = georeference(seen, mounting.with_calibration(mounting.boresight, offsets))
-    return moved - [0.0, 0.0, flight.reading.height_shift]
+    return moved - decoder.height_shift * UP

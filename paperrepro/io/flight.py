@@ -14,129 +14,154 @@ from pathlib import Path
 import numpy as np
 
 from paperrepro.errors import BadInput
-from paperrepro.io import clock, rays
+from paperrepro.io import decoding, passes, witness
+from paperrepro.io.decoding import Decoder
 from paperrepro.io.geodesy import LocalFrame
-from paperrepro.io.las import StripFile, coordinates, open_strip, usable
+from paperrepro.io.las import StripFile, open_strip
 from paperrepro.io.mounting import MountingFile, read_mounting
-from paperrepro.io.sbet import Poses, read_accuracy, read_sbet
+from paperrepro.io.posed import READINGS, PointPoses, PoseColumns, pose_columns
+from paperrepro.io.sbet import read_accuracy, read_sbet
+from paperrepro.io.table import SUFFIXES, TableFile, open_table
 from paperrepro.survey import Scanner, Strip, Survey, Trajectory
-
-#: Marks a recorded ring that is no beam.
-UNKNOWN_RING = 255
-UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
 class Flight:
     """A survey from files. ``frame``: where its m-frame lies; ``notes``: each assumption and
-    correction, a sentence; ``files`` as read; ``reading``: how points became rays; ``clocks`` by
-    file, s added to its times; ``beam_of_ring`` (256,): number of the beam for a recorded ring."""
+    correction, a sentence; ``files`` as read; ``decoder``: how their points became rays."""
 
     survey: Survey
     frame: LocalFrame
     notes: tuple[str, ...]
-    files: tuple[StripFile, ...]
-    reading: rays.Reading
-    clocks: dict[Path, float]
-    beam_of_ring: np.ndarray
-
-    def located(self, file: StripFile, chunk) -> tuple[np.ndarray, np.ndarray]:
-        """Time (N,) s of the trajectory's clock, and points (N, 3) m, m-frame, of records."""
-        time = np.asarray(chunk.gps_time) + self.clocks[file.path] + self.reading.time_shift
-        return time, _local(file, chunk, self.frame) + self.reading.height_shift * UP
+    files: tuple[StripFile | TableFile, ...]
+    decoder: Decoder
 
 
 def read_flight(
     strips: Sequence[Path],
-    trajectory: Path | None = None,
-    mounting: Path | None = None,
+    trajectory: Path | None,
+    mounting: Path,
     *,
-    frame: LocalFrame | None = None,
     accuracy: Path | None = None,
     crs: str | None = None,
     ring_dimension: str = "user_data",
+    frame: LocalFrame | None = None,
 ) -> Flight:
-    """Read strips (LAS, LAZ), an SBET and `mounting.toml`; ``accuracy`` is an SMRMSG.
+    """Read strips (LAS, LAZ, CSV), an SBET and `mounting.toml`; ``accuracy`` is an SMRMSG.
 
-    Raises `BadInput` or one of its kin, which names file, place and remedy.
+    Without a ``trajectory`` each point must carry its pose. ``crs`` overrides the strips' own,
+    ``frame`` is where to estimate, by default at the middle of the strips. Raises `BadInput` or one
+    of its kin, which names file, place and remedy.
     """
     given = read_mounting(mounting)
-    files = [open_strip(path, crs, ring_dimension) for path in strips]
-    navigation = given.navigation if accuracy is None else read_accuracy(accuracy, given.navigation)
-    poses = read_sbet(trajectory)
+    files = [_opened(Path(path), crs, ring_dimension) for path in strips]
+    _require_together(files)
     frame = frame or _frame_of(files)
-    local = local_trajectory(poses, frame)
-    clocks, sample = _sample(files, frame, poses)
-    reading, notes = _settle(sample, local, given, trajectory)
-    scanner, beam_of_ring = _scanner(reading, given)
-    parts = [_read(file, frame, reading, clocks[file.path], beam_of_ring) for file in files]
-    survey = Survey(tuple(parts), reading.trajectory, given.mounting, scanner, navigation)
-    return Flight(
-        survey, frame, given.notes + tuple(notes), tuple(files),
-        reading, clocks, beam_of_ring,
-    )  # fmt: skip
+    navigation = given.navigation if accuracy is None else read_accuracy(accuracy, given.navigation)
+    if trajectory is None:
+        decoder, scanner, notes = _decoder_of_poses(files, frame, given, mounting)
+    else:
+        decoder, scanner, notes = _decoder_of_flown(files, frame, given, trajectory, mounting)
+    read, more = _read_all(files, decoder)
+    path = decoder.poses
+    path = path if isinstance(path, Trajectory) else passes.joined_trajectory(read)
+    survey = Survey(tuple(read), path, given.mounting, scanner, navigation)
+    return Flight(survey, frame, (*given.notes, *notes, *more), tuple(files), decoder)
 
 
-def _frame_of(files: list[StripFile]) -> LocalFrame:
+def _opened(path: Path, crs: str | None, ring_dimension: str) -> StripFile | TableFile:
+    table = path.suffix.lower() in SUFFIXES
+    return (open_table if table else open_strip)(path, crs, ring_dimension)
+
+
+def _require_together(files: list) -> None:
+    """One datum, and a name of its own for each strip."""
+    if not files:
+        raise BadInput("strips: expected at least one file; give them as LAS, LAZ or CSV")
+    first, names = files[0], set()
+    for file in files:
+        if file.grid.crs.geodetic_crs != first.grid.crs.geodetic_crs:
+            raise BadInput(
+                f"{file.path}: its datum is {file.grid.crs.geodetic_crs.name}, that of "
+                f"{first.path} is {first.grid.crs.geodetic_crs.name}; bring them to one"
+            )
+        if file.path.stem in names:
+            raise BadInput(
+                f"{file.path}: a second strip named {file.path.stem}; rename it or give it once"
+            )
+        names.add(file.path.stem)
+
+
+def _frame_of(files: list) -> LocalFrame:
     """At the middle of all strips, at their lowest point."""
     corners = [file.grid.to_geodetic(np.array([file.low, file.high])) for file in files]
     low, high = np.min(corners, axis=(0, 2)), np.max(corners, axis=(0, 2))
+    if not np.isfinite([low, high]).all():
+        raise BadInput(
+            f"{files[0].path}: its coordinates lie outside of {files[0].grid.name}; name the right "
+            "reference system with --crs"
+        )
     middle = 0.5 * (low + high)
     return LocalFrame(float(middle[0]), float(middle[1]), float(low[2]), *files[0].grid.shape)
 
 
-def local_trajectory(poses: Poses, frame: LocalFrame) -> Trajectory:
-    """Poses in the m-frame, times from the start of the GPS week."""
-    position = frame.from_geodetic(poses.latitude, poses.longitude, poses.height)
-    attitude = frame.attitude_from_level(poses.latitude, poses.longitude, poses.attitude)
-    return Trajectory(poses.time + clock.week_start(poses.time), position, attitude)
+def _decoder_of_flown(
+    files: list, frame: LocalFrame, given: MountingFile, trajectory: Path, mounting: Path
+) -> tuple[Decoder, Scanner, list[str]]:
+    poses = read_sbet(trajectory)
+    names = witness.Files(str(files[0].path), str(trajectory), str(mounting))
+    clocks, sample = decoding.sample_of(files, frame, poses, str(trajectory))
+    candidates = decoding.trajectories(poses, frame, files[0].grid)
+    reading, notes = witness.settle(sample, candidates, given, names)
+    scanner, beams, more = witness.scanner_of(reading, given, names)
+    decoder = Decoder(
+        frame, given.mounting, reading.trajectory, clocks, reading.time_shift,
+        reading.height_shift, beams,
+    )  # fmt: skip
+    return decoder, scanner, notes + more
 
 
-def _sample(files, frame: LocalFrame, poses: Poses) -> tuple[dict[Path, float], rays.Sample]:
-    clocks, parts = {}, []
+def _decoder_of_poses(
+    files: list, frame: LocalFrame, given: MountingFile, mounting: Path
+) -> tuple[Decoder, Scanner, list[str]]:
+    columns = [_pose_columns_of(file) for file in files]
+    candidates = {word: PointPoses(columns[0], frame, word) for word in READINGS}
+    names = witness.Files(str(files[0].path), str(files[0].path), str(mounting))
+    fits = decoding.fits_of_poses(files, frame, candidates, given.mounting)
+    word, reading, notes = witness.settle_poses(fits, given, names)
+    scanner, beams, more = witness.scanner_of(reading, given, names)
+    clocks = {file.path: 0.0 for file in files}
+    decoder = Decoder(frame, given.mounting, candidates[word], clocks, 0.0, 0.0, beams)
+    return decoder, scanner, notes + more
+
+
+def _pose_columns_of(file) -> PoseColumns:
+    columns = pose_columns(file.columns)
+    if columns is None:
+        raise BadInput(
+            f"{file.path}: expected a trajectory, or a pose for each point in columns sensor x, y, "
+            "z (or latitude, longitude, elevation), roll, pitch, heading; give --trajectory"
+        )
+    return columns
+
+
+def _read_all(files: list, decoder: Decoder) -> tuple[list[Strip], list[str]]:
+    """All files as strips, one for each pass, and notes."""
+    strips, notes = [], []
     for file in files:
-        chunks = file.sample()
-        time = np.concatenate([np.asarray(chunk.gps_time) for chunk in chunks])
-        clocks[file.path] = clock.offset_to(poses.time, time)
-        p_m = np.concatenate([_local(file, chunk, frame) for chunk in chunks])
-        ring = np.concatenate([file.rings(chunk) for chunk in chunks])
-        parts.append((time + clocks[file.path], p_m, ring))
-    return clocks, rays.Sample(
-        *map(np.concatenate, zip(*parts, strict=True)), max(file.scale for file in files)
-    )
-
-
-def _local(file: StripFile, chunk, frame: LocalFrame) -> np.ndarray:
-    return frame.from_geodetic(*file.grid.to_geodetic(coordinates(chunk)))
-
-
-def _settle(sample, trajectory: Trajectory, given: MountingFile, path: Path):
-    reading = rays.try_reading(sample, trajectory, given.mounting)
-    if reading is None:
-        trajectory.at(sample.time, str(path))  # raises, with the times
-    pose = reading.poses(sample.time, str(path))
-    limit = rays.expected_scatter(sample, given.mounting, pose)
-    rays.require_some_fit(reading, limit, str(path))
-    return reading, []
-
-
-def _scanner(reading: rays.Reading, given: MountingFile) -> tuple[Scanner, np.ndarray]:
-    number = rays.beam_numbers(reading.fit, given.scanner.beam_elevations)
-    if number is None:
-        raise BadInput("beams")
-    table = np.full(256, UNKNOWN_RING, np.uint8)
-    table[reading.fit.rings.astype(int)] = number
-    return given.scanner, table
-
-
-def _read(file: StripFile, frame, reading: rays.Reading, clock_offset, beam_of_ring) -> Strip:
-    """All usable points of a file as one strip."""
-    parts = []
-    for chunk in file.chunks():
-        chunk = chunk[usable(chunk)]
-        time = np.asarray(chunk.gps_time) + clock_offset + reading.time_shift
-        p_m = _local(file, chunk, frame) + reading.height_shift * UP
-        pose = reading.trajectory.at(time, str(file.path))
-        azimuth, _, rho = rays.laser_rays(pose, p_m, reading.mounting)
-        parts.append((time, beam_of_ring[file.rings(chunk)], azimuth, rho.astype(np.float32)))
-    return Strip(file.path.stem, *map(np.concatenate, zip(*parts, strict=True)))
+        strip = decoding.read_strip(decoder, file)
+        poses_of = decoding.poses_at(decoder, strip)
+        parts, left_out = passes.split(strip, poses_of)
+        coarse = passes.whole_seconds(strip.time)
+        strips += [decoding.with_finer_times(part) if coarse else part for part in parts]
+        if len(parts) > 1 or left_out:
+            notes.append(
+                f"{file.path}: holds {len(parts)} passes, each a strip of its own; {left_out} "
+                "points of turns between them are left out"
+            )
+        if coarse and strip.pose is not None:
+            notes.append(
+                f"{file.path}: its times are whole seconds; finer ones are taken from the sensor's "
+                "place along the line"
+            )
+    return strips, notes

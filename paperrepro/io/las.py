@@ -1,6 +1,6 @@
 """LAS and LAZ strips, read in chunks, with a word on whatever a calibration cannot use."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,8 +15,8 @@ from paperrepro.io.geodesy import Grid
 CHUNK = 1_000_000
 #: ASPRS classes that are no target: low and high noise.
 NOISE = (7, 18)
-#: A sample is taken from so many places of a file, so many points each.
-PLACES, AT_A_PLACE = 40, 500
+#: Points that a sample of a strip holds, about.
+SAMPLE = 20_000
 READ_ERRORS = (laspy.LaspyException, lazrs.LazrsError, ValueError, EOFError, OSError, IndexError,
                MemoryError, OverflowError)  # fmt: skip
 
@@ -25,7 +25,7 @@ READ_ERRORS = (laspy.LaspyException, lazrs.LazrsError, ValueError, EOFError, OSE
 class StripFile:
     """A strip on disk whose header was checked: ``grid`` of its coordinates, ``count`` points,
     ``scale`` m (its coarsest), ``low`` and ``high`` (3,) corners of its coordinates,
-    ``standard_time`` whether the header promises adjusted standard GPS time."""
+    names of all ``columns``."""
 
     path: Path
     grid: Grid
@@ -34,7 +34,7 @@ class StripFile:
     scale: float
     low: np.ndarray
     high: np.ndarray
-    standard_time: bool
+    columns: tuple[str, ...]
 
     def chunks(self, size: int = CHUNK) -> Iterator[laspy.ScaleAwarePointRecord]:
         """All records in order. Raises `BadInput` where the file ends too early."""
@@ -45,28 +45,36 @@ class StripFile:
                 seen += len(chunk)
                 yield chunk
 
-    def sample(self) -> list[laspy.ScaleAwarePointRecord]:
-        """Records from evenly spread places; all of a small file. Raises as `chunks`."""
-        if self.count <= 5 * PLACES * AT_A_PLACE:
-            return list(self.chunks())
-        parts = []
-        with opened(self.path) as reader:
-            for start in np.linspace(0, self.count - AT_A_PLACE, PLACES).astype(int):
-                try:
-                    reader.seek(int(start))
-                except READ_ERRORS as error:
-                    raise _cut_off(self.path, int(start), self.count, error) from error
-                parts.append(_read(reader, AT_A_PLACE, self.path, int(start)))
-        return parts
+    def sample(self) -> Iterator[laspy.ScaleAwarePointRecord]:
+        """Some `SAMPLE` usable records, evenly spread; reads the whole file. Raises as `chunks`."""
+        every, start = max(1, self.count // SAMPLE), 0
+        for chunk in self.chunks():
+            part = chunk[np.arange(-start % every, len(chunk), every)]
+            start += len(chunk)
+            yield part[usable(part)]
 
-    def rings(self, chunk) -> np.ndarray:
-        """(N,) whole numbers of the ring dimension."""
-        return np.asarray(chunk[self.ring_dimension])
+    def decoded(self, chunk) -> "Records":
+        """The columns that matter of ``chunk``. Raises `BadInput` for a ring that is no number."""
+        ring = np.asarray(chunk[self.ring_dimension])
+        whole = ring.astype(np.int64)
+        if len(ring) and ((whole != ring).any() or whole.min() < 0 or whole.max() > 65535):
+            raise BadInput(
+                f"{self.path}: expected whole numbers from 0 as rings in {self.ring_dimension!r}, "
+                "found others; name the right dimension with --ring-dimension"
+            )
+        xyz = np.column_stack([chunk.x, chunk.y, chunk.z])
+        return Records(np.asarray(chunk.gps_time), whole, xyz, chunk)
 
 
-def coordinates(chunk) -> np.ndarray:
-    """(N, 3), as the map has them."""
-    return np.column_stack([chunk.x, chunk.y, chunk.z])
+@dataclass(frozen=True)
+class Records:
+    """Points as a file has them: ``time`` (N,) s, ``ring`` (N,), ``xyz`` (N, 3) on the map, and all
+    ``columns`` by name."""
+
+    time: np.ndarray
+    ring: np.ndarray
+    xyz: np.ndarray
+    columns: Mapping
 
 
 def usable(chunk) -> np.ndarray:
@@ -114,7 +122,7 @@ def open_strip(path: Path, crs: str | None = None, ring_dimension: str = "user_d
         float(header.scales.max()),
         np.array(header.mins),
         np.array(header.maxs),
-        int(header.global_encoding.gps_time_type) == 1,
+        tuple(header.point_format.dimension_names),
     )
 
 

@@ -11,18 +11,15 @@ from dataclasses import dataclass, replace
 import numba
 import numpy as np
 
-from paperrepro.errors import BadInput
 from paperrepro.frames import rotation_zyx
 from paperrepro.survey import Mounting, Trajectory
 
 #: Elevations that scatter less than this, beyond the resolution of the coordinates, fit.
 FITS = float(np.radians(0.02))
-#: Up to this they are taken, with a word: coordinates from another solution of the trajectory.
-TOLERATED = float(np.radians(0.25))
 #: A beam may differ from its table by so much, as each unit's own calibration does.
 BEAM_TOLERANCE = float(np.radians(0.3))
-#: Undulations of the geoid and their search step, m.
-HEIGHTS = np.arange(-120.0, 121.0, 4.0)
+#: Heights of the geoid over the ellipsoid, and how finely they are searched, m.
+HEIGHTS, HEIGHT_STEP = np.arange(-120.0, 121.0, 4.0), 1e-3
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -70,21 +67,30 @@ def _laser_rays(pose, p_m, R_b_l, lever, out):
 
 @dataclass(frozen=True)
 class Fit:
-    """``scatter`` rad of the elevations about their ring's median; ``rings`` (K,) as recorded and
-    their median ``elevations`` (K,) rad."""
+    """``scatter`` rad of the elevations about their ring's median; ``rings`` (K,) as recorded,
+    their median ``elevations`` (K,) rad, and the ``limit`` rad below which the scatter is that of
+    the coordinates' resolution."""
 
     scatter: float
     rings: np.ndarray
     elevations: np.ndarray
+    limit: float
+
+    @property
+    def good(self) -> bool:
+        """Nothing but resolution."""
+        return self.scatter <= self.limit
 
 
 def fit(pose: np.ndarray, sample: Sample, mounting: Mounting) -> Fit:
     """How well each ring keeps one elevation: the median of the absolute differences, as sigma."""
-    _, elevation, _ = laser_rays(pose, sample.p_m, mounting)
+    _, elevation, rho = laser_rays(pose, sample.p_m, mounting)
     rings, number = np.unique(sample.ring, return_inverse=True)
-    medians = np.array([np.median(elevation[number == k]) for k in range(len(rings))])
+    by_ring = np.split(elevation[np.argsort(number)], np.cumsum(np.bincount(number))[:-1])
+    medians = np.array([np.median(part) for part in by_ring])
     scatter = 1.4826 * np.median(np.abs(elevation - medians[number]))
-    return Fit(float(scatter), rings, medians)
+    limit = FITS + 1.5 * sample.scale / max(float(np.median(rho)), 1.0)
+    return Fit(float(scatter), rings, medians, limit)
 
 
 def beam_numbers(found: Fit, beams: np.ndarray) -> np.ndarray | None:
@@ -98,8 +104,8 @@ def beam_numbers(found: Fit, beams: np.ndarray) -> np.ndarray | None:
 
 @dataclass(frozen=True)
 class Reading:
-    """How points become rays: ``trajectory`` in the m-frame; ``time_shift`` s and ``height_shift``
-    m added to the points; the ``fit`` then; ``notes`` on what was found."""
+    """How points become rays: ``trajectory`` in the m-frame, nominal ``mounting``, ``time_shift`` s
+    and ``height_shift`` m added to the points; the ``fit`` then."""
 
     trajectory: Trajectory
     mounting: Mounting
@@ -107,55 +113,46 @@ class Reading:
     height_shift: float
     fit: Fit
 
-    def poses(self, time: np.ndarray, name: str) -> np.ndarray:
-        """(N, 6) at times of the points."""
-        return self.trajectory.at(time + self.time_shift, name)
-
-
-def expected_scatter(sample: Sample, mounting: Mounting, pose: np.ndarray) -> float:
-    """Scatter that still counts as a fit: a fixed part, and the coordinates' resolution."""
-    _, _, rho = laser_rays(pose, sample.p_m, mounting)
-    return FITS + 1.5 * sample.scale / float(np.median(rho))
-
 
 def try_reading(
     sample: Sample, trajectory: Trajectory, mounting: Mounting, time_shift: float = 0.0
 ) -> Reading | None:
-    """The points as they are, seen from ``trajectory``; None where it does not cover them."""
-    time = sample.time + time_shift
-    inside = (time >= trajectory.time[0]) & (time <= trajectory.time[-1])
-    if inside.mean() < 0.999:
+    """The points seen from ``trajectory``; None where it does not cover them."""
+    pose, part = poses_of(sample, trajectory, time_shift)
+    if len(part.time) < 0.999 * len(sample.time):
         return None
-    part = sample.take(inside)
-    pose = trajectory.at(time[inside])
     return Reading(trajectory, mounting, time_shift, 0.0, fit(pose, part, mounting))
+
+
+def poses_of(
+    sample: Sample, trajectory: Trajectory, time_shift: float = 0.0
+) -> tuple[np.ndarray, Sample]:
+    """Poses (K, 6) of the points that ``trajectory`` covers, and those points."""
+    time = sample.time + time_shift
+    inside = np.flatnonzero((time >= trajectory.time[0]) & (time <= trajectory.time[-1]))
+    if not len(inside):
+        return np.empty((0, 6)), sample.take(inside)
+    return trajectory.at(time[inside], "sample"), sample.take(inside)
 
 
 def with_height(reading: Reading, sample: Sample) -> Reading:
     """``reading`` with the shift of the points' heights under which it fits best."""
-    pose = reading.poses(np.clip(
-        sample.time, reading.trajectory.time[0] - reading.time_shift,
-        reading.trajectory.time[-1] - reading.time_shift,
-    ), "sample")  # fmt: skip
+    pose, part = poses_of(sample, reading.trajectory, reading.time_shift)
+    height, found = best_height(pose, part, reading.mounting)
+    return replace(reading, height_shift=height, fit=found)
 
-    def shifted(height):
-        part = replace(sample, p_m=sample.p_m + height * UP)
-        return fit(pose, part, reading.mounting)
 
-    best = min(HEIGHTS, key=lambda height: shifted(height).scatter)
+def best_height(pose: np.ndarray, sample: Sample, mounting: Mounting) -> tuple[float, Fit]:
+    """The shift of heights, m, under which the rays fit best, and the `Fit` then."""
+
+    def scatter(height, part=sample, pose=pose):
+        raised = replace(part, p_m=part.p_m + height * UP)
+        return fit(pose, raised, mounting).scatter
+
+    few = slice(None, None, max(1, len(sample.time) // 5000))
+    best = min(HEIGHTS, key=lambda height: scatter(height, sample.take(few), pose[few]))
     step = HEIGHTS[1] - HEIGHTS[0]
-    while step > 1e-3:
+    while step > HEIGHT_STEP:
         step /= 2
-        best = min((best - step, best, best + step), key=lambda height: shifted(height).scatter)
-    return replace(reading, height_shift=float(best), fit=shifted(best))
-
-
-def require_some_fit(reading: Reading, limit: float, what: str) -> None:
-    """Raise `BadInput` where the rays do not fit at all."""
-    if reading.fit.scatter > max(TOLERATED, limit):
-        raise BadInput(
-            f"{what}: the rays do not fit: within a beam the elevations scatter by "
-            f"{np.degrees(reading.fit.scatter):.2f} deg, expected less than "
-            f"{np.degrees(limit):.2f} deg; give the trajectory and the mounting with which the "
-            "coordinates were computed"
-        )
+        best = min((best - step, best, best + step), key=scatter)
+    return float(best), fit(pose, replace(sample, p_m=sample.p_m + best * UP), mounting)

@@ -4,8 +4,8 @@ SBET: records of 17 little-endian float64: time s; latitude, longitude rad; elli
 three velocities m/s; roll, pitch, heading rad; wander angle rad; three accelerations; three angular
 rates. The attitude is against the local level at the pose, north-east-down, and the heading is the
 platform's against *true* north: the wander angle turns the velocities, accelerations and rates,
-which stand in the wander frame, and must not be taken off the heading again. (Some exports name
-the column "platform heading in the wander frame"; of such a file the rays do not fit, and say so.)
+which stand in the wander frame, and is not taken off the heading again. Some exports give the
+heading in the wander frame too; the rays tell (`witness`), and it is then taken off with a word.
 
 SMRMSG: records of 10 little-endian float64: time s; north, east, down position m; three velocities
 m/s; roll, pitch, heading in minutes of arc, all one sigma.
@@ -27,13 +27,14 @@ WEEK = 604800.0
 class Poses:
     """Poses by latitude and longitude: ``time`` (M,) s increasing, ``latitude``, ``longitude``
     (M,) rad, ``height`` (M,) m ellipsoidal, ``attitude`` (M, 3) rad roll, pitch, heading against
-    the local level and true north."""
+    the local level and true north, ``wander`` (M,) rad."""
 
     time: np.ndarray
     latitude: np.ndarray
     longitude: np.ndarray
     height: np.ndarray
     attitude: np.ndarray
+    wander: np.ndarray
 
 
 def read_sbet(path: Path) -> Poses:
@@ -47,7 +48,7 @@ def read_sbet(path: Path) -> Poses:
     kept = np.r_[True, np.diff(time) > 0]  # a repeated record says nothing new
     table, time = table[kept], time[kept]
     _require_radians(table, path)
-    return Poses(time, table[:, 1], table[:, 2], table[:, 3], table[:, 7:10].copy())
+    return Poses(time, table[:, 1], table[:, 2], table[:, 3], table[:, 7:10], table[:, 10])
 
 
 def read_accuracy(path: Path, navigation: Navigation) -> Navigation:

@@ -1,0 +1,50 @@
+"""``paperrepro apply``: strips under a calibration; all but the coordinates stays as it is."""
+
+import argparse
+from pathlib import Path
+
+
+def add(commands) -> None:
+    command = commands.add_parser(
+        "apply", help="write strips anew (LAS, LAZ) under the result of a calibration"
+    )
+    command.add_argument("strips", type=Path, nargs="+", metavar="STRIP", help="LAS or LAZ")
+    command.add_argument(
+        "--calibration", type=Path, required=True, metavar="FILE", help="calibration.json"
+    )
+    command.add_argument("--trajectory", type=Path, metavar="FILE", help="SBET")
+    command.add_argument(
+        "--mounting",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="mounting.toml: the nominal one",
+    )
+    command.add_argument("--out", type=Path, required=True, help="folder to write into")
+    command.add_argument(
+        "--crs", help="of the strips, such as EPSG:32722 (default: their header's)"
+    )
+    command.add_argument(
+        "--ring-dimension", default="user_data", metavar="NAME", help="default: user_data"
+    )
+    command.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    from paperrepro.io.adjust import adjust_strips
+    from paperrepro.io.calibration import read_calibration
+    from paperrepro.io.flight import read_flight
+
+    flight = read_flight(
+        options.strips, options.trajectory, options.mounting,
+        crs=options.crs, ring_dimension=options.ring_dimension,
+    )  # fmt: skip
+    survey = flight.survey
+    mounting = read_calibration(options.calibration, survey.mounting, survey.scanner.n_rings)
+    for note in flight.notes:
+        print(f"note: {note}")
+    written = adjust_strips(flight, mounting, options.out)
+    print(
+        f"{options.out}: {len(written)} strips, {sum(file.count for file in flight.files)} points"
+    )
+    return 0
