@@ -21,6 +21,8 @@ from paperrepro.tables import write_csv
 
 NOTEBOOKS = Path(__file__).resolve().parent.parent / "notebooks"
 EXECUTED = "executed"
+#: Ending of a notebook that makes no artefact: what a sweep executes for each of its runs.
+RUN = "_run"
 
 
 def reproduce(
@@ -52,6 +54,7 @@ def reproduce(
 
 def _chosen(only: tuple[str, ...]) -> list[Path]:
     notebooks = sorted(NOTEBOOKS.glob("[0-9][0-9]_*.ipynb"))
+    notebooks = [path for path in notebooks if not path.stem.endswith(RUN)]
     chosen = [path for path in notebooks if not only or path.name.startswith(only)]
     if not chosen:
         raise BadInput(

@@ -1,6 +1,7 @@
 """Handing the runs of a sweep to Dask workers and taking in what they leave, one by one."""
 
 import logging
+import signal
 import sys
 import tempfile
 import uuid
@@ -8,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 
-from dask.distributed import Client, Future, LocalCluster, as_completed
+from dask.distributed import Client, Future, LocalCluster, WorkerPlugin, as_completed
 from dask.system import CPU_COUNT
 from tqdm import tqdm
 
@@ -20,7 +21,7 @@ from paperrepro.sweep.kernel import stop_kernels
 from paperrepro.sweep.store import Store
 from paperrepro.sweep.task import OtherVersion, Outcome, require_version, run_point
 
-_CONNECT_S = 20
+_CONNECT_S = 10
 _DASHBOARD = "127.0.0.1:8787"  # or the next free port
 _BAR = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}{postfix}]"
 
@@ -74,7 +75,15 @@ def _local(workers: int) -> Iterator[Client]:
         ) as processes,
         Client(processes) as client,
     ):  # fmt: skip
+        client.register_plugin(_NotInterrupted())
         yield client
+
+
+class _NotInterrupted(WorkerPlugin):
+    """A terminal sends Ctrl-C to all processes; it is for the sweep alone, which ends the rest."""
+
+    def setup(self, worker) -> None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def check_workers(client: Client, notebook: str, asked: Fingerprint) -> int:

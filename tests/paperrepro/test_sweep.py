@@ -1,12 +1,10 @@
-"""Sweeps: what is asked is checked first, what is done is kept, nothing is lost or doubled."""
+"""Sweeps: what is asked is checked first, what is done is kept, versions do not mix."""
 
-import itertools
 import json
 
 import nbformat
 import pandas as pd
 import pytest
-from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
 from paperrepro.cli import main
 from paperrepro.errors import BadInput
@@ -16,49 +14,17 @@ from paperrepro.sweep.grid import points, read_grid
 from paperrepro.sweep.store import Store
 from paperrepro.sweep.task import OtherVersion, require_version
 from paperrepro.tables import COLUMNS
-
-PARAMETERS = """
-preset: str = "mount"
-profile: str = "quick"
-seed: int = 1
-noise_scale: float = 1.0
-again: bool = False
-lasts_s: float = 0.0  # how long a run takes
-log: str = ""  # file that gets a line for each run that begins
-figures_dir: str = ""  # empty: nothing is written
-"""
-#: A run without numpy and the like, so that it is over at once.
-MEASURES = f"""
-import os, threading, time
-from pathlib import Path
-if log:
-    with open(log, "a") as file:
-        print(noise_scale, seed, os.getpid(), flush=True, file=file)
-leftover = "earlier" in globals()
-earlier = True
-time.sleep(lasts_s)
-if noise_scale > 100:
-    raise ValueError("noise so large\\nthat nothing matches")
-if noise_scale == 99:
-    os._exit(1)
-lines = ["{",".join(COLUMNS)}"]
-values = {{"one": seed + noise_scale / 7, "two": seed * noise_scale, "left": float(leftover),
-           "threads": float(os.environ["NUMBA_NUM_THREADS"])}}
-for metric, value in values.items():
-    lines.append(f"stand-in,SL,{{preset}},{{profile}},{{noise_scale}},{{seed}},{{metric}},1,{{value}},")
-if figures_dir:
-    (Path(figures_dir) / "rows").mkdir()
-    (Path(figures_dir) / "rows" / "standin.csv").write_text("\\n".join(lines) + "\\n")
-"""
-METRICS = 4
-
-
-def write_notebook(path, source=MEASURES, parameters=PARAMETERS, about="A stand-in"):
-    first = new_code_cell(parameters.strip(), metadata={"tags": ["parameters"]})
-    kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
-    cells = [new_markdown_cell(about), first, new_code_cell(source)]
-    nbformat.write(new_notebook(cells=cells, metadata=kernel), path)
-    return path
+from tests.paperrepro.sweeping import (
+    MEASURES,
+    METRICS,
+    arguments,
+    begun,
+    expected_keys,
+    kernels,
+    keys_of,
+    rows_of,
+    write_notebook,
+)
 
 
 @pytest.fixture
@@ -69,29 +35,6 @@ def notebook(tmp_path):
 @pytest.fixture
 def known(notebook):
     return declared(notebook)
-
-
-def arguments(notebook, out, *more, noise="0,1", seeds=2):
-    return ["sweep", "--notebook", str(notebook), "--out", str(out),
-            "--grid", f"noise_scale={noise}", "--seeds", str(seeds), *more]  # fmt: skip
-
-
-def begun(log):
-    """Noise and seed of each run that began."""
-    return [tuple(map(float, line.split()[:2])) for line in log.read_text().splitlines()]
-
-
-def rows_of(out):
-    return pd.read_csv(out / "sweep.csv")
-
-
-def keys_of(rows):
-    return sorted(zip(rows.noise_scale, rows.seed, rows.metric, strict=True))
-
-
-def expected_keys(noises, seeds):
-    metrics = ("one", "two", "left", "threads")
-    return sorted(itertools.product(map(float, noises), range(1, seeds + 1), metrics))
 
 
 # The grid
@@ -235,8 +178,7 @@ def test_a_sweep_is_made_once_and_goes_on_where_something_is_missing(notebook, t
     # each run finds an empty namespace although the kernel was used before, and has one thread
     assert set(measured[measured.metric == "left"].value) == {0.0}
     assert set(measured[measured.metric == "threads"].value) == {1.0}
-    pids = [line.split()[2] for line in log.read_text().splitlines()]
-    assert len(set(pids)) < len(pids) == 6
+    assert len(set(kernels(log))) < len(kernels(log)) == 6
     assert len(list((out / "runs").glob("*.ipynb"))) == 6
     failed = pd.read_csv(out / "failed.csv")
     assert failed.noise_scale.tolist() == [101.0, 101.0]
