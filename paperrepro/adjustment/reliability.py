@@ -57,7 +57,8 @@ def reliability(
     for first in range(0, len(strips), CHUNK):
         part = slice(first, min(first + CHUNK, len(strips)))
         c_t = rows.nodes(part, len(state.error))
-        right = rows.y[:, part] - np.einsum("kcy,kcf->yf", step.coupling, c_t)
+        coupling = step.coupling.reshape(-1, len(step.S))
+        right = rows.y[:, part] - coupling.T @ c_t.reshape(len(coupling), -1)
         dy = S_inverse @ right
         hidden[part] = np.einsum("kcf,kcf->f", c_t, step.factor.solve(c_t))
         hidden[part] += (right * dy).sum(axis=0)

@@ -160,11 +160,10 @@ def assemble(blocks: CellBlocks, cells: Cells, state: State, n_nodes: int) -> Da
 
 def _reduce_planes(N: np.ndarray, Z: np.ndarray, u: int) -> np.ndarray:
     """Blocks (C, u + 15, u + 15) with each plane's four parameters replaced by its three."""
-    L = np.zeros((len(N), u + 16, u + 15))
-    L[:, :u, :u] = np.eye(u)
-    L[:, u : u + 4, u : u + 3] = Z
-    L[:, u + 4 :, u + 3 :] = np.eye(12)
-    return L.transpose(0, 2, 1) @ N @ L
+    before, plane, after = slice(0, u), slice(u, u + 4), slice(u + 4, None)
+    half = np.concatenate([N[:, :, before], N[:, :, plane] @ Z, N[:, :, after]], axis=2)
+    turned = Z.transpose(0, 2, 1) @ half[:, plane]
+    return np.concatenate([half[:, before], turned, half[:, after]], axis=1)
 
 
 @dataclass(frozen=True)
@@ -194,20 +193,19 @@ def eliminate(
     t_t[:-1] += beside * state.error[1:]
     t_t[1:] += beside * state.error[:-1]
     factor = factorise(D, E)
-    right = np.concatenate([data.N_ty, t_t[:, :, None]], axis=2)
-    solved = factor.solve(right)
-    u = len(state.x)
-    S = data.N_yy - np.einsum("kcy,kcz->yz", data.N_ty, solved[:, :, :-1])
+    coupling, alone = factor.solve(data.N_ty), factor.solve(t_t[:, :, None])[:, :, 0]
+    u, N_ty = len(state.x), data.N_ty.reshape(t_t.size, -1)
+    S = data.N_yy - N_ty.T @ coupling.reshape(N_ty.shape)
     t_y = data.t_y.copy()
     t_y[:u] += pseudo * state.x
-    t = t_y - np.einsum("kcy,kc->y", data.N_ty, solved[:, :, -1])
+    t = t_y - N_ty.T @ alone.ravel()
     S[np.arange(u), np.arange(u)] += pseudo
     S = (S + S.T) / 2
     scale = 1 / np.sqrt(np.diag(S))
     dy = -scale * np.linalg.solve(S * np.outer(scale, scale), scale * t)
-    d_error = -solved[:, :, -1] - np.einsum("kcy,y->kc", solved[:, :, :-1], dy)
+    d_error = -alone - coupling @ dy
     decrement = -float(t_y @ dy + (t_t * d_error).sum())
-    return Step(dy, d_error, S, factor, solved[:, :, :-1], decrement)
+    return Step(dy, d_error, S, factor, coupling, decrement)
 
 
 def prior_chi2(prior: GaussMarkov, time: np.ndarray, error: np.ndarray) -> float:

@@ -67,7 +67,7 @@ def estimate(
         data = model.normals(state)
         found = minimize(
             _objective, components.theta(), args=(data, model, specified, state),
-            method="Nelder-Mead", options={"xatol": 0.01, "fatol": 0.01, "maxfev": 200},
+            method="L-BFGS-B", options={"eps": 1e-3, "gtol": 0.05, "maxiter": 30},
         )  # fmt: skip
         change = np.abs(found.x - components.theta()).max()
         components = VarianceComponents.of(found.x)
