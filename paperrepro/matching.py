@@ -8,7 +8,7 @@ shifted to lie within the extent of the longer. Neighbours in line do not gain b
 extents do not overlap. Where two candidates are nearly as good, neither is taken.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -108,11 +108,12 @@ def tie_planes(pairs: Iterable[FacePair]) -> tuple[tuple[FaceKey, ...], ...]:
 def _match_strips(roofs_by_strip, reference: str, search: str, params) -> list[FacePair]:
     """The mutual best correspondences of two strips, two pairs of faces each."""
     ours, theirs = roofs_by_strip[reference], roofs_by_strip[search]
-    shape = (len(ours.gables), len(theirs.gables))
+    distance = _distances(ours.gables, theirs.gables, params.overlap)
     candidates = {}
-    score = np.full(shape, np.inf)
-    for i, j in np.ndindex(shape):
-        candidate = _compare(ours, ours.gables[i], theirs, theirs.gables[j], params)
+    score = np.full(distance.shape, np.inf)
+    for i, j in np.argwhere(distance <= params.distance_m).tolist():
+        gables = ours.gables[i], theirs.gables[j]
+        candidate = _compare(ours, theirs, *gables, float(distance[i, j]), params)
         if candidate is not None:
             candidates[i, j] = candidate
             score[i, j] = candidate.score(params)
@@ -151,11 +152,10 @@ class _Candidate:
         )
 
 
-def _compare(ours: Roofs, g: Gable, theirs: Roofs, h: Gable, params) -> _Candidate | None:
-    """The candidate that gables g and h make, or None where a threshold is passed."""
-    distance = _distance(g, h, params.overlap)
-    if distance > params.distance_m:
-        return None
+def _compare(
+    ours: Roofs, theirs: Roofs, g: Gable, h: Gable, distance: float, params
+) -> _Candidate | None:
+    """The candidate that gables g and h make, or None where their normals are too different."""
     faces = min(
         (
             _paired(ours, theirs, (g.left, a), (g.right, b))
@@ -179,17 +179,27 @@ def _inclination(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
 
 
-def _distance(g: Gable, h: Gable, least_overlap: float) -> float:
-    """Distance, m, of two gables as the module says; infinite where they do not overlap."""
-    sign = 1.0 if g.ridge @ h.ridge >= 0 else -1.0
-    ridge = g.ridge + sign * h.ridge
-    ridge = ridge / np.linalg.norm(ridge)
-    step = h.virtual_point - g.virtual_point
-    along = step @ ridge
-    ours, theirs = g.extent, np.sort(sign * h.extent) + along
-    overlap = min(ours[1], theirs[1]) - max(ours[0], theirs[0])
-    short, long = sorted((ours, theirs), key=np.ptp)
-    if overlap < least_overlap * np.ptp(short):
-        return np.inf
-    shift = max(long[0] - short[0], short[1] - long[1], 0.0)
-    return float(np.hypot(np.linalg.norm(step - along * ridge), shift))
+def _distances(ours: Sequence[Gable], theirs: Sequence[Gable], least_overlap: float) -> np.ndarray:
+    """Distances (I, J), m, of gables as the module says; infinite where they do not overlap."""
+    if not (ours and theirs):
+        return np.full((len(ours), len(theirs)), np.inf)
+    (p, u, ours_along), (q, v, theirs_along) = _places(ours), _places(theirs)
+    sign = np.where(u @ v.T >= 0, 1.0, -1.0)[..., None]
+    ridge = u[:, None] + sign * v
+    ridge /= np.linalg.norm(ridge, axis=2, keepdims=True)
+    step = q - p[:, None]
+    along = np.einsum("ija,ija->ij", step, ridge)[..., None]
+    one = np.broadcast_to(ours_along[:, None], (*along.shape[:2], 2))
+    other = np.where(sign > 0, theirs_along, -theirs_along[:, ::-1]) + along
+    longer = np.ptp(one, axis=2) > np.ptp(other, axis=2)
+    short, long = (np.where(longer[..., None] == swap, one, other) for swap in (False, True))
+    shift = np.maximum(np.maximum((long - short)[..., 0], (short - long)[..., 1]), 0.0)
+    overlap = np.minimum(one[..., 1], other[..., 1]) - np.maximum(one[..., 0], other[..., 0])
+    distance = np.hypot(np.linalg.norm(step - along * ridge, axis=2), shift)
+    return np.where(overlap < least_overlap * np.ptp(short, axis=2), np.inf, distance)
+
+
+def _places(gables: Sequence[Gable]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Virtual points (K, 3) m, ridges (K, 3), extents (K, 2) m, ascending."""
+    names = ("virtual_point", "ridge", "extent")
+    return tuple(np.array([getattr(gable, name) for gable in gables]) for name in names)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
-from paperrepro.segmentation.planes import Plane, fit_plane
+from paperrepro.segmentation.planes import fit_plane
 from paperrepro.segmentation.voxels import Thinned
 
 
@@ -70,22 +70,24 @@ def assign(
 def _members(p_m, thinned, segment, cell_m, params) -> np.ndarray:
     """Indices (K,) of the full points that lie on the plane of the segment."""
     core = thinned.members(segment)
-    tried = thinned.members(_around(thinned, segment, cell_m, params))
+    core_m = p_m[core]
     plane = fit_plane(thinned.p_m[segment])
     for _ in range(3):  # the plane of the thinned cloud, then twice that of its own points
-        limit = _limit(plane, p_m[core], params)
-        inside = core[np.abs(plane.distance(p_m[core])) <= limit]
-        if len(inside) < 3:
-            return inside
-        plane = fit_plane(p_m[inside])
-    limit = _limit(plane, p_m[core], params)
+        away = np.abs(plane.distance(core_m))
+        inside = away <= _limit(away, params)
+        if inside.sum() < 3:
+            return core[inside]
+        plane = fit_plane(core_m[inside])
+    limit = _limit(np.abs(plane.distance(core_m)), params)
+    tried = thinned.members(_around(thinned, segment, cell_m, params))
     return tried[np.abs(plane.distance(p_m[tried])) <= limit]
 
 
-def _limit(plane: Plane, p_m: np.ndarray, params: AssignmentParameters) -> float:
-    """Greatest distance, m, of a point that belongs, by the spread of the segment's points."""
-    robust_sigma = 1.4826 * np.median(np.abs(plane.distance(p_m)))
-    return float(np.clip(params.sigmas * robust_sigma, params.floor_m, params.ceiling_m))
+def _limit(away: np.ndarray, params: AssignmentParameters) -> float:
+    """Greatest distance, m, of a point that belongs, by how far (K,) m the segment's points are
+    from the plane."""
+    robust_sigma = 1.4826 * np.median(away)
+    return float(min(max(params.sigmas * robust_sigma, params.floor_m), params.ceiling_m))
 
 
 def _around(thinned: Thinned, segment: np.ndarray, cell_m: float, params) -> np.ndarray:

@@ -106,15 +106,17 @@ def _gable(p_m, faces, a, b, params) -> list[tuple[float, Gable]]:
     if crossing is None:
         return []
     point, ridge = crossing
+    if abs(ridge[2]) > np.sin(np.radians(params.ridge_slope_deg)):
+        return []
     to_left = np.array([-ridge[1], ridge[0], 0.0]) / np.hypot(ridge[0], ridge[1])
     left, right = (a, b) if to_left @ (faces[a].centroid - point) > 0 else (b, a)
     one = _Side.of(p_m[faces[left].points] - point, ridge, to_left)
+    if not one.is_gable_face(params):
+        return []
     other = _Side.of(p_m[faces[right].points] - point, ridge, -to_left)
     common = min(one.along[1], other.along[1]) - max(one.along[0], other.along[0])
     if not (
-        abs(ridge[2]) <= np.sin(np.radians(params.ridge_slope_deg))
-        and one.is_gable_face(params)
-        and other.is_gable_face(params)
+        other.is_gable_face(params)
         and common >= max(params.overlap * min(one.length, other.length), params.min_length_m)
         and min(one.width, other.width) >= params.width_ratio * max(one.width, other.width)
     ):

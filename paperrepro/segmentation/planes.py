@@ -1,5 +1,5 @@
-"""Planes in a thinned cloud: PCA fit, RANSAC (reference 41: Fischler and Bolles 1981) and region
-growing (reference 42: Rabbani et al. 2006). A plane is n.p - d = 0 with |n| = 1 and n_z >= 0."""
+"""Planes in a thinned cloud: PCA fit, local planes, and region growing (reference 42: Rabbani et
+al. 2006). A plane is n.p - d = 0 with |n| = 1 and n_z >= 0."""
 
 from dataclasses import dataclass
 
@@ -28,24 +28,6 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class RansacParameters:
-    """Table 2: at least 15 inliers, tolerance 10 cm, slope 10-80 deg, 10 consensus sets an object.
-
-    ``hypotheses`` triples are tried for each set: a face that holds 2 % of its object is still met
-    with 99 % probability when half of the triples around a point of it lie on it. ``normal_deg``
-    is what makes vegetation fall out: an inlier's own normal must agree with the plane's, and
-    in a crown the normals point everywhere.
-    """
-
-    min_inliers: int = 15
-    tolerance_m: float = 0.10
-    slope_deg: tuple[float, float] = (10.0, 80.0)
-    max_sets: int = 10
-    hypotheses: int = 500
-    normal_deg: float = 20.0
-
-
-@dataclass(frozen=True)
 class GrowingParameters:
     """Table 2: segments of 40 to 500 points, 1 degree, none farther than 4 m from its segment.
 
@@ -68,12 +50,30 @@ class GrowingParameters:
 
 def fit_plane(p_m: np.ndarray) -> Plane:
     """Least-squares plane of points (N >= 3, 3) m by PCA."""
-    centroid = p_m.mean(axis=0)
-    q = p_m - centroid
-    eigenvalue, eigenvector = np.linalg.eigh(q.T @ q / len(q))
+    centroid, scatter = _moments(p_m)
+    eigenvalue, eigenvector = np.linalg.eigh(scatter)
     normal = eigenvector[:, 0] * (1.0 if eigenvector[2, 0] >= 0 else -1.0)
     rms = float(np.sqrt(max(eigenvalue[0], 0.0)))
     return Plane(normal, float(normal @ centroid), centroid, rms)
+
+
+@numba.njit(cache=True)
+def _moments(p_m):
+    """Centroid (3,) and covariance (3, 3) of points."""
+    centroid, scatter = np.zeros(3), np.zeros((3, 3))
+    for i in range(len(p_m)):
+        for a in range(3):
+            centroid[a] += p_m[i, a]
+    centroid /= len(p_m)
+    for i in range(len(p_m)):
+        for a in range(3):
+            for b in range(a + 1):
+                scatter[a, b] += (p_m[i, a] - centroid[a]) * (p_m[i, b] - centroid[b])
+    for a in range(3):
+        for b in range(a + 1):
+            scatter[a, b] /= len(p_m)
+            scatter[b, a] = scatter[a, b]
+    return centroid, scatter
 
 
 @dataclass(frozen=True)
@@ -94,91 +94,26 @@ def neighbourhood(p_m: np.ndarray, k: int, reach_m: float) -> Neighbourhood:
     count = min(k + 1, len(p_m))
     tree = cKDTree(p_m)
     _, index = tree.query(p_m, k=np.arange(1, count + 1), distance_upper_bound=reach_m, workers=-1)
-    found = index < len(p_m)
-    q = p_m[np.where(found, index, np.arange(len(p_m))[:, None])]
-    weight = found / found.sum(axis=1, keepdims=True)
-    q = q - np.einsum("vk,vkj->vj", weight, q)[:, None]
-    eigenvalue, eigenvector = np.linalg.eigh(np.einsum("vk,vki,vkj->vij", weight, q, q))
+    index = np.where(index < len(p_m), index, -1)
+    scatter = np.empty((len(p_m), 3, 3))
+    _local_moments(p_m, index, scatter)
+    eigenvalue, eigenvector = np.linalg.eigh(scatter)
     normal = eigenvector[:, :, 0] * np.where(eigenvector[:, 2:, 0] >= 0, 1.0, -1.0)
     residual = np.sqrt(np.maximum(eigenvalue[:, 0], 0.0))
-    return Neighbourhood(np.where(found, index, -1)[:, 1:], normal, residual)
+    return Neighbourhood(index[:, 1:], normal, residual)
 
 
-def ransac_planes(
-    p_m: np.ndarray, around: Neighbourhood, members: np.ndarray, params: RansacParameters, rng
-) -> list[np.ndarray]:
-    """Consensus sets, index arrays into p_m (V, 3), of the object ``members`` (K,).
-
-    The largest first; each is taken out before the next is sought. A hypothesis of an admissible
-    slope may turn, when refitted, into a plane of another: its points are taken out and forgotten.
-    """
-    sets, rest = [], members
-    low, high = np.radians(params.slope_deg)
-    for _ in range(params.max_sets):
-        inlier = _best_consensus(p_m, around, rest, params, rng)
-        if inlier.sum() < params.min_inliers:
-            break
-        if low <= fit_plane(p_m[rest[inlier]]).slope <= high:
-            sets.append(rest[inlier])
-        rest = rest[~inlier]
-    return sets
-
-
-def _best_consensus(p_m, around, rest, params, rng) -> np.ndarray:
-    """Mask over ``rest`` of the inliers of the best plane, refitted once by PCA."""
-    none = np.zeros(len(rest), dtype=bool)
-    if len(rest) < params.min_inliers:
-        return none
-    normal, d = _hypotheses(p_m, around, rest, params, rng)
-    if len(d) == 0:
-        return none
-    q, own, cosine = p_m[rest], around.normal[rest], np.cos(np.radians(params.normal_deg))
-    votes = _votes(q, own, normal, d, params.tolerance_m, cosine)
-    inlier = _inliers(q, own, normal[votes.argmax()], d[votes.argmax()], params.tolerance_m, cosine)
-    if inlier.sum() < params.min_inliers:
-        return none
-    refit = fit_plane(q[inlier])
-    return _inliers(q, own, refit.normal, refit.d, params.tolerance_m, cosine)
-
-
-def _hypotheses(p_m, around, rest, params, rng) -> tuple[np.ndarray, np.ndarray]:
-    """Planes, normals (H, 3) and d (H,), through a point and two of its neighbours' neighbours.
-
-    So the three are close enough to share a face and far enough apart to tilt little.
-    """
-    first = rng.choice(rest, params.hypotheses)
-    second, third = (_step(_step(first, around, rng), around, rng) for _ in range(2))
-    normal = np.cross(p_m[second] - p_m[first], p_m[third] - p_m[first])
-    length = np.linalg.norm(normal, axis=1)
-    low, high = np.cos(np.radians(params.slope_deg))
-    normal *= np.where(normal[:, 2] < 0, -1.0, 1.0)[:, None] / np.maximum(length, 1e-12)[:, None]
-    use = (length > 1e-9) & (normal[:, 2] <= low) & (normal[:, 2] >= high)
-    return normal[use], np.einsum("hj,hj->h", normal[use], p_m[first[use]])
-
-
-def _step(point: np.ndarray, around: Neighbourhood, rng) -> np.ndarray:
-    """A random neighbour of each point (H,); itself where that place is empty."""
-    chosen = around.index[point, rng.integers(around.index.shape[1], size=len(point))]
-    return np.where(chosen < 0, point, chosen)
-
-
-def _inliers(q, own, normal, d, tolerance, cosine) -> np.ndarray:
-    return (np.abs(q @ normal - d) <= tolerance) & (np.abs(own @ normal) >= cosine)
-
-
-@numba.njit(cache=True)
-def _votes(q, own, normal, d, tolerance, cosine):
-    """Inliers (H,) of each hypothesis among points q (K, 3) with normals ``own`` (K, 3)."""
-    votes = np.zeros(len(d), dtype=np.int64)
-    for h in range(len(d)):
-        a, b, c = normal[h, 0], normal[h, 1], normal[h, 2]
+@numba.njit(cache=True, parallel=True)
+def _local_moments(p_m, index, scatter):
+    """Fill ``scatter`` (V, 3, 3) with the covariance of each point's neighbours, -1 for none."""
+    for v in numba.prange(len(index)):
+        q = np.empty((index.shape[1], 3))
         count = 0
-        for i in range(len(q)):
-            near = abs(a * q[i, 0] + b * q[i, 1] + c * q[i, 2] - d[h]) <= tolerance
-            if near and abs(a * own[i, 0] + b * own[i, 1] + c * own[i, 2]) >= cosine:
+        for n in index[v]:
+            if n >= 0:
+                q[count] = p_m[n]
                 count += 1
-        votes[h] = count
-    return votes
+        scatter[v] = _moments(q[:count])[1]
 
 
 def grow_regions(around: Neighbourhood, group: np.ndarray, params: GrowingParameters) -> np.ndarray:

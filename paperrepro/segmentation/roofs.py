@@ -16,11 +16,10 @@ from paperrepro.segmentation.outliers import OutlierParameters, statistical_outl
 from paperrepro.segmentation.planes import (
     GrowingParameters,
     Neighbourhood,
-    RansacParameters,
     grow_regions,
     neighbourhood,
-    ransac_planes,
 )
+from paperrepro.segmentation.ransac import RansacParameters, ransac_planes
 from paperrepro.segmentation.voxels import Thinned, thin
 
 

@@ -7,12 +7,11 @@ import pytest
 
 from paperrepro.segmentation.planes import (
     GrowingParameters,
-    RansacParameters,
     fit_plane,
     grow_regions,
     neighbourhood,
-    ransac_planes,
 )
+from paperrepro.segmentation.ransac import RansacParameters, ransac_planes
 from tests.paperrepro.segmentation.shapes import crown, gable, patch
 
 RANSAC, GROWING = RansacParameters(), GrowingParameters()

@@ -9,7 +9,8 @@ from data_synth import ObjectClass, make_config, simulate
 from data_synth.evaluation import angles_between, judge_views, true_planes
 from paperrepro.georeference import georeference
 from paperrepro.segmentation import roofs as roofs_module
-from paperrepro.segmentation.planes import GrowingParameters, RansacParameters
+from paperrepro.segmentation.planes import GrowingParameters
+from paperrepro.segmentation.ransac import RansacParameters
 from paperrepro.segmentation.roofs import RoofParameters, candidates, extract, objects
 from tests.paperrepro.segmentation.shapes import crown, gable, ground, hip
 
