@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 
 from paperrepro import __version__
-from paperrepro.commands import apply, reproduce, simulate, study, sweep
+from paperrepro.commands import apply, calibrate, reproduce, simulate, study, sweep
 from paperrepro.errors import BadInput, PaperReproError
 
 
@@ -26,6 +26,6 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="paperrepro", description=__doc__.splitlines()[0])
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (apply, reproduce, simulate, study, sweep):
+    for command in (apply, calibrate, reproduce, simulate, study, sweep):
         command.add(commands)
     return parser

@@ -90,9 +90,9 @@ def _inclination(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.arctan2(cross, np.abs(np.einsum("pa,pa->p", one, other)))
 
 
-def choose(normal: np.ndarray, centroid: np.ndarray, most: int) -> np.ndarray:
+def choose(normal: np.ndarray, centroid: np.ndarray, views: np.ndarray, most: int) -> np.ndarray:
     """Indices of at most ``most`` planes out of G, (G, 3) and (G, 3): of every direction as many,
-    and of each direction those that lie farthest apart.
+    and of each direction those that lie farthest apart, the half of more ``views`` (G,) first.
 
     A thousand patches of level ground say no more of the boresight than a hundred, but cost more.
     """
@@ -103,7 +103,10 @@ def choose(normal: np.ndarray, centroid: np.ndarray, most: int) -> np.ndarray:
     rank = np.empty(len(normal), int)
     for one in np.unique(kind):
         members = np.flatnonzero(kind == one)
-        rank[members[_spread_out(centroid[members], most)]] = np.arange(len(members))
+        many = views[members] >= np.median(views[members])
+        halves = [members[many], members[~many]]
+        order = [half[_spread_out(centroid[half], most)] for half in halves if len(half)]
+        rank[np.concatenate(order)] = np.arange(len(members))
     return np.sort(np.lexsort((kind, rank))[:most])
 
 

@@ -68,7 +68,7 @@ class PatchSurvey:
 
 
 #: Most points of a strip that are looked at, of a face that are adjusted, and planes.
-MOST_POINTS, MOST_OF_FACE, MOST_PLANES = 400_000, 400, 300
+MOST_POINTS, MOST_OF_FACE, MOST_PLANES = 400_000, 400, 200
 #: Edge of a patch: at most so many metres, at least so many, and so many patches in a strip. The
 #: fewest points that a patch of a strip should have sets a limit from below, too.
 TILE_M, TILES_PER_STRIP, POINTS_PER_TILE = (0.6, 4.0), 200, 100
@@ -152,7 +152,8 @@ def _chosen(ties, patches: dict[str, Patches]) -> list[tuple[FaceKey, ...]]:
     first = [(patches[strip], number) for (strip, number), *_ in ties]
     normal = np.array([of.normal[number] for of, number in first])
     centroid = np.array([of.centroid[number] for of, number in first])
-    return [ties[k] for k in choose(normal, centroid, MOST_PLANES)]
+    views = np.array([len(tie) for tie in ties])
+    return [ties[k] for k in choose(normal, centroid, views, MOST_PLANES)]
 
 
 def _matched(rays, p_m, patches, ties, step: PatchPass) -> tuple[MatchedFaces, list[FaceKey]]:
