@@ -35,7 +35,7 @@ _KINDS = {"table": "Table", "fig": "Fig."}
 _FARM, _EQUATION, _ROOFS = "01_simulated_farm", "02_lidar_equation", "03_roof_extraction"
 _MATCHING, _CALIBRATION = "04_matching", "05_calibration"
 _REFINEMENT, _ACCURACY = "06_refinement", "07_accuracy"
-_CLAIMS, _APPLICATIONS = "09_claims", "10_applications"
+_SWEEP, _CLAIMS, _APPLICATIONS = "08_noise_sweep", "09_claims", "10_applications"
 _REDUCED = f"{100 * RMSE_REDUCTION['C'].value:.0f}\u00a0%"
 
 #: Every table and figure, first those of the paper in its order, then ours in the notebooks' order.
@@ -144,6 +144,15 @@ ARTEFACTS = (
              "RMSE and mean distance of every step, against reference and true planes."),
     Artefact("accuracy_claims", "Statements on accuracy", _ACCURACY,
              "The paper's statements on accuracy, judged by this one survey."),
+    Artefact("noise_errors", "Errors, sigmas and coverage against noise", _SWEEP,
+             "Mean boresight error, formal σ and coverage of 95\u00a0% intervals of each scenario, "
+             "over the noise of the trajectory, with intervals over many surveys."),
+    Artefact("noise_offsets", "Vertical offsets against noise", _SWEEP,
+             "Mean vertical offset at the virtual points from the reference and from the true "
+             "planes, over the noise of the trajectory."),
+    Artefact("noise_beaten", "Surveys in which [11] is beaten", _SWEEP,
+             "Share of surveys in which A, B, C and D (ours) find the boresight better than [11], "
+             "over the noise of the trajectory; a half is chance."),
     Artefact("verdicts", "Verdicts counted", _CLAIMS,
              "Number of claims by verdict, the paper's and ours."),
     Artefact("ordering", "Which method is better", _CLAIMS,

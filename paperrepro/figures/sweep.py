@@ -95,9 +95,10 @@ def curves(ax: Axes, table: pd.DataFrame, quantity: str, factor: float = 1.0) ->
     apart = 0.012 * max(np.ptp(table.noise_scale), 0.5) if len(table) else 0.0
     for k, name in enumerate(names):
         rows = table[table.scenario == name].sort_values("noise_scale")
-        x = rows.noise_scale + (k - (len(names) - 1) / 2) * apart
-        reach = factor * np.array([rows.value - rows.low, rows.high - rows.value]).clip(0)
-        ax.errorbar(x, factor * rows.value, reach, fmt="o-", ms=3, color=SCENARIO_COLOURS[name],
+        x = rows.noise_scale.to_numpy() + (k - (len(names) - 1) / 2) * apart
+        y, low, high = factor * rows[["value", "low", "high"]].to_numpy().T
+        reach = np.array([y - low, high - y]).clip(0)
+        ax.errorbar(x, y, reach, fmt="o-", ms=3, color=SCENARIO_COLOURS[name],
                     lw=0.9, elinewidth=0.9, label=scenario_name(name))  # fmt: skip
     ax.set_xticks(sorted(table.noise_scale.unique()))
     ax.xaxis.set_major_formatter("{x:g}")
@@ -111,7 +112,7 @@ def errors(surveys: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     columns = {"error_deg": of_mean, "sigma_deg": of_mean, "held": of_share}
     table = curve_table(surveys, columns)
     figure, panels = _panels(table, len(columns))
-    for axes, (name, part) in zip(panels, _by_setting(table), strict=True):
+    for axes, (name, part) in zip(panels, _by_setting(table), strict=False):
         for ax, quantity in zip(axes, columns, strict=True):
             curves(ax, part, quantity, 100 if quantity == "held" else 1)
         axes[0].set_ylabel(f"{name}\nboresight error (°)")
@@ -128,7 +129,7 @@ def offsets(surveys: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Vertical offset at the virtual points against noise, against reference and true planes."""
     table = curve_table(surveys, dict.fromkeys(_OFFSETS, of_mean))
     figure, panels = _panels(table, len(_OFFSETS))
-    for axes, (name, part) in zip(panels, _by_setting(table), strict=True):
+    for axes, (name, part) in zip(panels, _by_setting(table), strict=False):
         for ax, quantity in zip(axes, _OFFSETS, strict=True):
             curves(ax, part, quantity, 100)
         axes[0].set_ylabel(f"{name}\noffset from the reference (cm)")
@@ -142,7 +143,7 @@ def beaten(surveys: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     noise."""
     table = curve_table(surveys, {"beats_sl": of_share})
     figure, panels = _panels(table, 1)
-    for axes, (name, part) in zip(panels, _by_setting(table), strict=True):
+    for axes, (name, part) in zip(panels, _by_setting(table), strict=False):
         curves(axes[0], part, "beats_sl", 100)
         axes[0].axhline(50, color="#4d4d4d", lw=0.6, ls="--")
         axes[0].set_ylim(-2, 102)
@@ -156,7 +157,9 @@ def pictures(rows: pd.DataFrame) -> Iterator[tuple[str, Figure, pd.DataFrame]]:
     surveys = survey_table(rows)
     draw = {"noise_errors": errors, "noise_offsets": offsets, "noise_beaten": beaten}
     for name, function in draw.items() if len(surveys) else ():
-        yield name, *function(surveys)
+        figure, data = function(surveys)
+        if len(data):
+            yield name, figure, data
 
 
 def _panels(table: pd.DataFrame, columns: int) -> tuple[Figure, np.ndarray]:
