@@ -5,6 +5,8 @@ PROFILE ?= paper
 SEED    ?=
 OUT     ?= figures
 JOBS    ?= 2
+NOISE   ?= 0,0.5,1,2,4
+SEEDS   ?= 2
 ARGS    ?=
 
 SHELL       := bash
@@ -24,12 +26,13 @@ unexport MPLBACKEND
 # Tests run in JOBS processes, so each of them keeps to one thread.
 one_thread := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 
-.PHONY: help setup reproduce test lint bench lab clean distclean
+.PHONY: help setup reproduce sweep test lint bench lab clean distclean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 	@echo
 	@echo "  Variables: PROFILE=quick|paper SEED=N OUT=DIR (reproduce), JOBS=N (test),"
+	@echo "             NOISE=0,1,2 SEEDS=N (sweep),"
 	@echo "             PYTHON=python3.12 (setup), ARGS=... (more arguments for the tool)"
 
 setup: $(ready) ## build .venv from environment.txt; installs missing system libraries
@@ -40,6 +43,9 @@ $(ready): environment.txt pyproject.toml tools/setup.sh
 
 reproduce: $(ready) ## make every table and figure into OUT
 	$(bin)/paperrepro reproduce --profile "$(PROFILE)" --out "$(OUT)" $(if $(SEED),--seed "$(SEED)") $(ARGS)
+
+sweep: $(ready) ## execute a notebook over noise levels and seeds, into runs/sweep; goes on if stopped
+	$(bin)/paperrepro sweep --grid noise_scale="$(NOISE)" --seeds "$(SEEDS)" --out runs/sweep $(ARGS)
 
 test: lint ## lint, tests, then every notebook on its quick profile
 	$(one_thread) MPLBACKEND=Agg $(bin)/python -m pytest -n $(JOBS) tests $(ARGS)
