@@ -23,6 +23,8 @@ from paperrepro.adjustment.trajectory_solver import (
 
 #: Standard deviation of the logarithm of each factor, before the data: a factor of three.
 PRIOR_LOG_SIGMA = np.log(3.0)
+#: No factor leaves a hundredth to a hundred times the specification.
+WIDEST_LOG = np.log(100.0)
 #: Rounds of estimating components and adjusting under them.
 ROUNDS = 3
 
@@ -62,15 +64,21 @@ def estimate(
 ) -> tuple[VarianceComponents, State]:
     """Components, and the state adjusted under them. Raises as `trajectory_solver.iterate` does."""
     components = VarianceComponents()
+    # every condition speaks of the range, few of the rest: in these steps all matter alike
+    step = np.array([1 / np.sqrt(2 * len(model.cells.rays)), 1.0, 1.0, 1.0])
     for _ in range(ROUNDS):
         state, _, _, _ = iterate(components.apply(model), components.prior(specified), state)
         data = model.normals(state)
         found = minimize(
-            _objective, components.theta(), args=(data, model, specified, state),
-            method="L-BFGS-B", options={"eps": 1e-3, "gtol": 0.05, "maxiter": 30},
-        )  # fmt: skip
-        change = np.abs(found.x - components.theta()).max()
-        components = VarianceComponents.of(found.x)
+            lambda z, *rest: _objective(step * z, *rest),
+            components.theta() / step,
+            args=(data, model, specified, state),
+            method="L-BFGS-B",
+            bounds=[(-WIDEST_LOG / s, WIDEST_LOG / s) for s in step],
+            options={"eps": 1e-3, "gtol": 0.05, "maxiter": 50},
+        )
+        change = np.abs(step * found.x - components.theta()).max()
+        components = VarianceComponents.of(step * found.x)
         if change < 0.02:
             break
     return components, state
