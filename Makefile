@@ -44,8 +44,8 @@ $(ready): environment.txt pyproject.toml tools/setup.sh
 reproduce: $(ready) ## make every table and figure into OUT
 	$(bin)/paperrepro reproduce --profile "$(PROFILE)" --out "$(OUT)" $(if $(SEED),--seed "$(SEED)") $(ARGS)
 
-sweep: $(ready) ## execute a notebook over noise levels and seeds, into runs/sweep; goes on if stopped
-	$(bin)/paperrepro sweep --grid noise_scale="$(NOISE)" --seeds "$(SEEDS)" --out runs/sweep $(ARGS)
+sweep: $(ready) ## execute a notebook over noise levels and seeds, into sweeps/small; goes on if stopped
+	$(bin)/paperrepro sweep --grid noise_scale="$(NOISE)" --seeds "$(SEEDS)" --out sweeps/small $(ARGS)
 
 test: lint ## lint, tests, then every notebook on its quick profile
 	$(one_thread) MPLBACKEND=Agg $(bin)/python -m pytest -n $(JOBS) tests $(ARGS)
