@@ -86,7 +86,7 @@ def sample_of(
         p_m = local_points(file.grid, records.xyz, frame)
         parts.append((records.time + clocks[file.path], p_m, records.ring))
     columns = map(np.concatenate, zip(*parts, strict=True))
-    return clocks, rays.Sample(*columns, max(file.scale for file in files))
+    return clocks, rays.Sample(*columns, max(file.scale for file in files), frame.height)
 
 
 def fits_of_poses(

@@ -138,7 +138,11 @@ def opened(path: Path) -> laspy.LasReader:
             sbet = path.stat().st_size % 136 == 0 and path.stat().st_size > 0
             raise BadInput(f"{path}: expected a LAS/LAZ strip, {kind if sbet else other}")
     try:
-        return laspy.open(path)
+        reader = laspy.open(path)
+        begin = reader.header.offset_to_point_data
+        if path.stat().st_size < begin:
+            raise laspy.LaspyException(f"points begin at byte {begin}, the file ends before")
+        return reader
     except READ_ERRORS as error:
         raise BadInput(
             f"{path}: its LAS header cannot be read ({_first_line(error)}); the file is cut off or "

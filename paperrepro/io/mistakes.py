@@ -8,6 +8,7 @@ import numpy as np
 from paperrepro.errors import BadInput
 from paperrepro.io import rays
 from paperrepro.io.mounting import MountingFile
+from paperrepro.io.place import FOOT
 from paperrepro.io.rays import Sample
 from paperrepro.survey import Mounting
 
@@ -117,6 +118,8 @@ def refuse(pose: np.ndarray, sample: Sample, given: MountingFile, files) -> None
 
 
 def _explanations(pose, sample: Sample, given: MountingFile) -> Iterator[tuple]:
+    few = slice(None, None, max(1, len(pose) // 4000))
+    pose, sample = pose[few], sample.take(few)
     for mistake in MISTAKES:
         turned = mistake.change(pose, given.mounting)
         found = rays.fit(turned[0], sample, turned[1])
@@ -124,6 +127,12 @@ def _explanations(pose, sample: Sample, given: MountingFile) -> Iterator[tuple]:
             found = rays.best_height(turned[0], sample, turned[1])[1]
         if found.good:
             yield mistake.where, mistake.what, mistake.remedy, found.scatter
+    metres = FOOT * (sample.p_m[:, 2] + sample.base) - sample.base
+    found = rays.fit(
+        pose, replace(sample, p_m=np.column_stack([sample.p_m[:, :2], metres])), given.mounting
+    )
+    if found.good:
+        yield "strip", "its heights are in feet", "export them in metres", found.scatter
     beams = given.scanner.beam_elevations
     scatter = _scatter_without_rings(pose, sample, given.mounting, beams)
     if scatter <= rays.FITS:

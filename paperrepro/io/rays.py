@@ -7,6 +7,7 @@ elevations see every mistake but a turn about the spin axis (with the axis forwa
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numba
 import numpy as np
@@ -26,16 +27,22 @@ UP = np.array([0.0, 0.0, 1.0])
 @dataclass(frozen=True)
 class Sample:
     """Points of all strips: ``time`` (N,) s of the trajectory's clock, ``p_m`` (N, 3) m, ``ring``
-    (N,) as recorded; ``scale`` m, the resolution of their coordinates."""
+    (N,) as recorded; ``scale`` m, the resolution of their coordinates; ``base`` m, the height of the
+    m-frame's origin."""
 
     time: np.ndarray
     p_m: np.ndarray
     ring: np.ndarray
     scale: float
+    base: float = 0.0
 
     def take(self, index) -> "Sample":
         """The chosen points."""
-        return Sample(self.time[index], self.p_m[index], self.ring[index], self.scale)
+        return Sample(self.time[index], self.p_m[index], self.ring[index], self.scale, self.base)
+
+    def few(self, count: int = 4000) -> "Sample":
+        """Some ``count`` of them."""
+        return self.take(slice(None, None, max(1, len(self.time) // count)))
 
 
 def laser_rays(
@@ -85,12 +92,24 @@ class Fit:
 def fit(pose: np.ndarray, sample: Sample, mounting: Mounting) -> Fit:
     """How well each ring keeps one elevation: the median of the absolute differences, as sigma."""
     _, elevation, rho = laser_rays(pose, sample.p_m, mounting)
-    rings, number = np.unique(sample.ring, return_inverse=True)
-    by_ring = np.split(elevation[np.argsort(number)], np.cumsum(np.bincount(number))[:-1])
-    medians = np.array([np.median(part) for part in by_ring])
-    scatter = 1.4826 * np.median(np.abs(elevation - medians[number]))
+    rings, order, edges = _by_ring(sample.ring)
+    medians, scatter = _scatter(elevation[order], edges)
     limit = FITS + 1.5 * sample.scale / max(float(np.median(rho)), 1.0)
-    return Fit(float(scatter), rings, medians, limit)
+    return Fit(scatter, rings, medians, limit)
+
+
+def _by_ring(ring: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The rings (K,), the order (N,) that brings their points together, their edges (K + 1,)."""
+    order = np.argsort(ring, kind="stable")
+    rings, first = np.unique(ring[order], return_index=True)
+    return rings, order, np.r_[first, len(ring)]
+
+
+def _scatter(elevation: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, float]:
+    """Median of each ring, and the scatter about them all, of elevations that lie by ring."""
+    medians = np.array([np.median(elevation[a:b]) for a, b in pairwise(edges)])
+    difference = elevation - np.repeat(medians, np.diff(edges))
+    return medians, 1.4826 * float(np.median(np.abs(difference)))
 
 
 def beam_numbers(found: Fit, beams: np.ndarray) -> np.ndarray | None:
@@ -144,15 +163,23 @@ def with_height(reading: Reading, sample: Sample) -> Reading:
 
 def best_height(pose: np.ndarray, sample: Sample, mounting: Mounting) -> tuple[float, Fit]:
     """The shift of heights, m, under which the rays fit best, and the `Fit` then."""
+    _, order, edges = _by_ring(sample.ring)
+    here = _across_and_along(pose, sample.p_m, mounting)[:, order]
+    rise = _across_and_along(pose, sample.p_m + UP, mounting)[:, order] - here
 
-    def scatter(height, part=sample, pose=pose):
-        raised = replace(part, p_m=part.p_m + height * UP)
-        return fit(pose, raised, mounting).scatter
+    def scatter(height):
+        x, y, z = here + height * rise
+        return _scatter(np.arctan2(z, np.hypot(x, y)), edges)[1]
 
-    few = slice(None, None, max(1, len(sample.time) // 5000))
-    best = min(HEIGHTS, key=lambda height: scatter(height, sample.take(few), pose[few]))
-    step = HEIGHTS[1] - HEIGHTS[0]
+    best, step = min(HEIGHTS, key=scatter), HEIGHTS[1] - HEIGHTS[0]
     while step > HEIGHT_STEP:
         step /= 2
         best = min((best - step, best, best + step), key=scatter)
     return float(best), fit(pose, replace(sample, p_m=sample.p_m + best * UP), mounting)
+
+
+def _across_and_along(pose, p_m, mounting: Mounting) -> np.ndarray:
+    """(3, N) m, l-frame."""
+    azimuth, elevation, rho = laser_rays(pose, p_m, mounting)
+    across = rho * np.cos(elevation)
+    return np.array([across * np.cos(azimuth), across * np.sin(azimuth), rho * np.sin(elevation)])

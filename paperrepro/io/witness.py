@@ -115,8 +115,14 @@ def _corrected(sample: Sample, trajectories, given: MountingFile):
     tried = [(word, reading) for word, reading in tried if reading is not None]
     good = [(word, reading) for word, reading in tried if reading.fit.good]
     if not good:
-        raised = [(word, rays.with_height(reading, sample)) for word, reading in tried]
-        good = [(word, reading) for word, reading in raised if reading.fit.good]
+        few = sample.few()
+        raised = [(word, reading, rays.with_height(reading, few)) for word, reading in tried]
+        good = [
+            (word, rays.with_height(reading, sample))
+            for word, reading, tentative in raised
+            if tentative.fit.good
+        ]
+        good = [(word, reading) for word, reading in good if reading.fit.good]
     if not good:
         return None
     word, best = min(good, key=lambda one: (bool(one[0]) + bool(one[1].time_shift),
