@@ -21,7 +21,7 @@ from paperrepro.sweep.kernel import stop_kernels
 from paperrepro.sweep.store import Store
 from paperrepro.sweep.task import OtherVersion, Outcome, require_version, run_point
 
-_CONNECT_S = 10
+_CONNECT_S = 30  # a scheduler that is just being started is waited for
 _DASHBOARD = "127.0.0.1:8787"  # or the next free port
 _BAR = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}{postfix}]"
 
@@ -90,8 +90,13 @@ def check_workers(client: Client, notebook: str, asked: Fingerprint) -> int:
     """How many workers there are by now. Raises `BadInput` where one has another version."""
     answers = client.run(require_version, notebook, asked, on_error="return")
     for worker, answer in answers.items():
-        if isinstance(answer, Exception):
+        if isinstance(answer, OtherVersion):
             raise BadInput(f"worker {worker}: {answer}")
+        if isinstance(answer, Exception):
+            raise BadInput(
+                f"worker {worker}: {_in_a_line(answer)}; it needs this package, installed in the "
+                "same version"
+            )
     return len(answers)
 
 
@@ -140,7 +145,7 @@ def _take(future: Future, point: Point, store: Store, progress: Progress) -> Non
     except OtherVersion:
         raise
     except Exception as error:
-        progress.lost[point] = f"{type(error).__name__}: {error}"
+        progress.lost[point] = _in_a_line(error)
         return
     finally:
         future.release()
@@ -151,6 +156,10 @@ def _take(future: Future, point: Point, store: Store, progress: Progress) -> Non
         progress.failed[point] = error
     else:
         progress.done.append(point)
+
+
+def _in_a_line(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 def _kept(point: Point, outcome: Outcome, store: Store) -> str:

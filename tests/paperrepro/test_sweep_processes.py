@@ -13,6 +13,8 @@ import pandas as pd
 import psutil
 import pytest
 
+from paperrepro.cli import main
+from paperrepro.sweep import drive
 from tests.paperrepro.sweeping import (
     arguments,
     begun,
@@ -172,13 +174,12 @@ def test_an_external_scheduler_gives_the_rows_of_a_local_one(sweep, tmp_path, ca
     pd.testing.assert_frame_equal(rows_of(tmp_path / "far"), rows)
 
 
-def test_where_no_scheduler_answers(sweep, tmp_path):
-    command = paperrepro([*sweep, "--scheduler", "tcp://127.0.0.1:9"])
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 2
-    assert "tcp://127.0.0.1:9" in done.stderr.splitlines()[-1]
-    assert "dask scheduler" in done.stderr.splitlines()[-1]
-    assert len(done.stderr.splitlines()) == 1
+def test_where_no_scheduler_answers(sweep, monkeypatch, capsys):
+    monkeypatch.setattr(drive, "_CONNECT_S", 1)
+    assert main([*sweep, "--scheduler", "tcp://127.0.0.1:9"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "tcp://127.0.0.1:9" in line
+    assert "dask scheduler" in line
 
 
 def test_a_kernel_that_dies_is_a_failure_of_its_run_alone(tmp_path):
