@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from paperrepro.adjustment.sightlines import SETTLED, Sightlines, axes, settle
+from paperrepro.adjustment.sightlines import Sightlines, axes, settle
 from paperrepro.frames import boresight_matrix
-from paperrepro.georeference import boresight_derivatives, point_jacobians
+from paperrepro.georeference import boresight_derivatives
 from paperrepro.survey import Mounting, Navigation, Rays, Scanner
 
 
@@ -98,11 +98,6 @@ class Blocks:
         )
 
 
-def columns(rays: Rays) -> tuple:
-    """A `Rays` as the kernels take it."""
-    return rays.pose, rays.ring, rays.azimuth, rays.elevation, rays.rho
-
-
 def point_blocks(
     rays: Rays | Sightlines,
     ranges: np.ndarray,
@@ -167,42 +162,3 @@ def _add_sums(sums, column, N, t):
                 N[where[k], where[m]] += sums[k, m]
         if where[k] >= 0:
             t[where[k]] += sums[k, 8]
-
-
-@numba.njit(cache=True)
-def adjusted(obs, v, shifted, plane, origin, R_l_b, dR_l_b, lever, offset, variances, p, J_x, J_l):
-    """Misclosure ``w = f(l + v) - B v`` and ``s = B Q B'`` at the adjusted observations.
-
-    Leaves the point and its derivatives there in ``p``, ``J_x``, ``J_l`` and the residuals in
-    ``v``.
-    """
-    v[:] = 0.0
-    w, s = 0.0, 1.0
-    for inner in range(20):
-        for m in range(9):
-            shifted[m] = obs[m] + v[m]
-        point_jacobians(shifted, R_l_b, dR_l_b, lever, offset, p, J_x, J_l)
-        before = w
-        w, s = -plane[3], 0.0
-        for j in range(3):
-            w += plane[j] * (p[j] - origin[j])
-        for m in range(9):
-            b = plane[0] * J_l[0, m] + plane[1] * J_l[1, m] + plane[2] * J_l[2, m]
-            w -= b * v[m]
-            s += b * b * variances[m]
-        if inner > 0 and abs(w - before) < SETTLED:
-            break
-        for m in range(9):
-            b = plane[0] * J_l[0, m] + plane[1] * J_l[1, m] + plane[2] * J_l[2, m]
-            v[m] = -variances[m] * b * w / s
-    return w, s
-
-
-@numba.njit(cache=True)
-def add_row(row, where, w, weight, N, t):
-    """Add a condition, ``row`` in columns ``where`` (ascending), to N (upper triangle) and t."""
-    for a in range(len(row)):
-        scaled = weight * row[a]
-        t[where[a]] += scaled * w
-        for b in range(a, len(row)):
-            N[where[a], where[b]] += scaled * row[b]

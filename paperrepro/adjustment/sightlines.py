@@ -74,6 +74,16 @@ def _turned(sine, cosine, by):
 
 
 @numba.njit(cache=True)
+def moved(position, turns, by, there, turned):
+    """A ray whose pose is off ``by`` (6,), m and rad, into ``there`` (3,) and ``turned`` (10,)."""
+    for k in range(3):
+        there[k] = position[k] + by[k]
+        turned[2 * k], turned[2 * k + 1] = _turned(turns[2 * k], turns[2 * k + 1], by[3 + k])
+    for k in range(6, 10):
+        turned[k] = turns[k]
+
+
+@numba.njit(cache=True)
 def body_to_map(turns):
     """``R_b_m`` by rows, as `georeference` has it; ``turns`` as in `Sightlines`, without the ray's
     own angles or with them."""

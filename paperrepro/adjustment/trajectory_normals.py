@@ -13,9 +13,8 @@ import numpy as np
 from paperrepro.adjustment.gauss_markov import Nodes
 from paperrepro.adjustment.lever_arm import LeverArmUnknowns
 from paperrepro.adjustment.matched import MatchedFaces
-from paperrepro.adjustment.normals import Unknowns, add_row, adjusted, columns
-from paperrepro.georeference import body_to_map_matrix
-from paperrepro.survey import Rays
+from paperrepro.adjustment.normals import Unknowns
+from paperrepro.adjustment.sightlines import Sightlines, axes, body_to_map, moved, settle
 
 N_NODES = 12  # two nodes of six components
 N_PLANE = 4
@@ -23,11 +22,12 @@ N_PLANE = 4
 
 @dataclass(frozen=True)
 class Cells:
-    """Rays sorted by cell: cell ``c`` has rows ``ranges[c]``, lies on ``plane[c]`` in face
-    ``face[c]`` and between nodes ``node[c]`` and the next; ``share`` (N,) of the latter for each
-    ray."""
+    """Rays sorted by cell, ``order`` (N,) being their index in the matched faces: cell ``c`` has
+    rows ``ranges[c]``, lies on ``plane[c]`` in face ``face[c]`` and between nodes ``node[c]`` and
+    the next; ``share`` (N,) of the latter for each ray."""
 
-    rays: Rays
+    order: np.ndarray
+    sight: Sightlines
     share: np.ndarray
     ranges: np.ndarray
     plane: np.ndarray
@@ -45,7 +45,7 @@ class Cells:
         chosen = order[first]
         face_of_cell = face[chosen]
         return cls(
-            matched.rays.take(order), share[order], ranges,
+            order, Sightlines.of(matched.rays.take(order)), share[order], ranges,
             matched.plane[face_of_cell], face_of_cell, node[chosen],
         )  # fmt: skip
 
@@ -77,10 +77,11 @@ def cell_blocks(
     size = unknowns.size + N_PLANE + N_NODES
     n_cells = len(cells.ranges)
     N, t, chi2 = np.zeros((n_cells, size, size)), np.zeros((n_cells, size)), np.zeros(n_cells)
+    R_l_b, dR_l_b, *mounted = unknowns.kernel_arguments(x)
     _cell_blocks(
-        *columns(cells.rays), cells.share, cells.ranges, cells.node, origin[cells.plane],
-        planes[cells.plane], weight[cells.face], error, *unknowns.kernel_arguments(x), variances,
-        3 if isinstance(unknowns, LeverArmUnknowns) else 0, N, t, chi2,
+        *cells.sight.columns(), cells.share, cells.ranges, cells.node, origin[cells.plane],
+        planes[cells.plane], weight[cells.face], error, R_l_b, axes(R_l_b, dR_l_b), *mounted,
+        variances, 3 if isinstance(unknowns, LeverArmUnknowns) else 0, N, t, chi2,
     )  # fmt: skip
     lower = np.tril_indices(size, -1)
     N[:, lower[0], lower[1]] = N[:, lower[1], lower[0]]
@@ -89,34 +90,35 @@ def cell_blocks(
 
 @numba.njit(cache=True, parallel=True)
 def _cell_blocks(
-    pose, ring, azimuth, elevation, rho, share, ranges, node, origin, planes, weight, error,
-    R_l_b, dR_l_b, lever, offsets, ring_column, variances, n_lever, N, t, chi2,
+    position, turns, rho, ring, share, ranges, node, origin, planes, weight, error,
+    R_l_b, turn_axes, lever, offsets, ring_column, variances, n_lever, N, t, chi2,
 ):  # fmt: skip
     for c in numba.prange(len(ranges)):
-        obs, v, shifted = np.empty(9), np.empty(9), np.empty(9)
-        p, J_x, J_l = np.empty(3), np.empty((3, 4)), np.empty((3, 9))
+        v, b, seen, e = np.empty(9), np.empty(9), np.empty(8), np.empty(6)
+        there, turned = np.empty(3), np.empty(10)
         row, where = np.empty(20 + n_lever), np.empty(20 + n_lever, np.int64)
         before, after, n_x = error[node[c]], error[node[c] + 1], t.shape[1] - 16
         for i in range(ranges[c, 0], ranges[c, 1]):
-            obs[:6] = pose[i] + (1 - share[i]) * before + share[i] * after
-            obs[6], obs[7], obs[8] = rho[i], azimuth[i], elevation[i]
-            w, s = adjusted(
-                obs, v, shifted, planes[c], origin[c], R_l_b, dR_l_b, lever, offsets[ring[i]],
-                variances, p, J_x, J_l,
+            for m in range(6):
+                e[m] = (1 - share[i]) * before[m] + share[i] * after[m]
+            moved(position[i], turns[i], e, there, turned)
+            w, s = settle(
+                there, turned, rho[i], planes[c], origin[c], R_l_b, turn_axes, lever,
+                offsets[ring[i]], variances, v, b, seen,
             )  # fmt: skip
-            _row(planes[c], origin[c], p, J_x, J_l, share[i], ring_column[ring[i]], n_x, row, where)
+            _row(seen, b, share[i], ring_column[ring[i]], n_x, row, where)
             if n_lever > 0:
-                _lever_entries(planes[c], shifted, row)
+                _lever_entries(planes[c], turned, row)
             add_row(row, where, w, weight[c] / s, N[c], t[c])
             chi2[c] += weight[c] * w * w / s
 
 
 @numba.njit(cache=True)
-def _row(plane, origin, p, J_x, J_l, share, column, n_x, row, where):
+def _row(seen, b, share, column, n_x, row, where):
     """Entries of a row of A: angles, the ring's offset, the lever arm where it is free, n and d,
     six of each node."""
     for k in range(4):
-        row[k] = plane[0] * J_x[0, k] + plane[1] * J_x[1, k] + plane[2] * J_x[2, k]
+        row[k] = seen[k]
         where[k] = k
     where[3] = column
     if column < 0:  # held: a zero entry, anywhere
@@ -124,19 +126,27 @@ def _row(plane, origin, p, J_x, J_l, share, column, n_x, row, where):
     first = len(row) - 16
     for k in range(4, first):
         where[k] = n_x - first + k
-    for j in range(3):
-        row[first + j] = p[j] - origin[j]
-    row[first + 3] = -1.0
+    for j in range(4):
+        row[first + j] = seen[4 + j]
     for m in range(6):
-        b = plane[0] * J_l[0, m] + plane[1] * J_l[1, m] + plane[2] * J_l[2, m]
-        row[first + 4 + m], row[first + 10 + m] = (1 - share) * b, share * b
+        row[first + 4 + m], row[first + 10 + m] = (1 - share) * b[m], share * b[m]
     for k in range(16):
         where[first + k] = n_x + k
 
 
 @numba.njit(cache=True)
-def _lever_entries(plane, obs, row):
+def _lever_entries(plane, turns, row):
     """The plane's normal in the b-frame: Eq. (1) adds the lever arm there."""
-    R = body_to_map_matrix(obs[3], obs[4], obs[5])
+    R = body_to_map(turns)
     for k in range(3):
         row[4 + k] = plane[0] * R[0][k] + plane[1] * R[1][k] + plane[2] * R[2][k]
+
+
+@numba.njit(cache=True)
+def add_row(row, where, w, weight, N, t):
+    """Add a condition, ``row`` in columns ``where`` (ascending), to N (upper triangle) and t."""
+    for a in range(len(row)):
+        scaled = weight * row[a]
+        t[where[a]] += scaled * w
+        for b in range(a, len(row)):
+            N[where[a], where[b]] += scaled * row[b]

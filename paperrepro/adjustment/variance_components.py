@@ -65,7 +65,7 @@ def estimate(
     """Components, and the state adjusted under them. Raises as `trajectory_solver.iterate` does."""
     components = VarianceComponents()
     # every condition speaks of the range, few of the rest: in these steps all matter alike
-    step = np.array([1 / np.sqrt(2 * len(model.cells.rays)), 1.0, 1.0, 1.0])
+    step = np.array([1 / np.sqrt(2 * len(model.matched.rays)), 1.0, 1.0, 1.0])
     for _ in range(ROUNDS):
         state, _, _, _ = iterate(components.apply(model), components.prior(specified), state)
         data = model.normals(state)
@@ -102,6 +102,6 @@ def _objective(
     quadratic = scaled.chi2 + prior_chi2(prior, time, state.error) - step.decrement
     quadratic += float(model.pseudo_weight @ np.square(state.x))
     log_det = step.factor.log_det + np.linalg.slogdet(step.S)[1] - prior.information(time)[2]
-    n_conditions = len(model.cells.rays)
+    n_conditions = len(model.matched.rays)
     wide = np.square(theta / PRIOR_LOG_SIGMA).sum()
     return quadratic + log_det + 2 * n_conditions * theta[0] + wide

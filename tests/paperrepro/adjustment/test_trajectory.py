@@ -43,22 +43,22 @@ def dense_normals(model, prior, state):
     """Normal equations of y and all nodes by differences of the conditions, nothing eliminated."""
     size, K = len(state.x) + 3 * len(state.planes), len(state.error)
 
-    cells = model.cells
+    cells, sorted_rays = model.cells, model.matched.rays.take(model.cells.order)
     cell = np.repeat(np.arange(len(cells.ranges)), np.diff(cells.ranges, axis=1)[:, 0])
 
     def conditions(z, rho):
         moved = state.moved(z[:size], z[size:].reshape(K, 6))
         before, share = moved.error[cells.node[cell]], cells.share[:, None]
-        pose = cells.rays.pose + (1 - share) * before
+        pose = sorted_rays.pose + (1 - share) * before
         pose = pose + share * moved.error[cells.node[cell] + 1]
         mounting = Mounting(lever_arm=LEVER_ARM, boresight=moved.x[:3], range_offsets=moved.x[3:])
-        rays = replace(cells.rays, pose=pose, rho=rho)
+        rays = replace(sorted_rays, pose=pose, rho=rho)
         p = georeference(rays, mounting) - model.origin[cells.plane[cell]]
         plane = moved.planes[cells.plane[cell]]
         return np.einsum("na,na->n", p, plane[:, :3]) - plane[:, 3]
 
     # ranges are the only observations: adjusted, they put each point on its plane
-    h, here, rho = 1e-6, np.zeros(size + 6 * K), cells.rays.rho
+    h, here, rho = 1e-6, np.zeros(size + 6 * K), sorted_rays.rho
     w = conditions(here, rho)
     B = (conditions(here, rho + h) - conditions(here, rho - h)) / (2 * h)
     rho = rho - w / B
