@@ -47,6 +47,8 @@ class Site:
                 f"site: expected a latitude within 84 and a longitude within 180 degrees, got "
                 f"{self.latitude_deg}, {self.longitude_deg}; give degrees, south and west negative"
             )
+        if self.zone is not None and not 1 <= self.zone <= 60:
+            raise BadInput(f"zone: expected one of UTM's, 1 to 60, got {self.zone}; give one")
 
     @property
     def epsg(self) -> int:
@@ -174,7 +176,12 @@ def truth_text(truth: Truth, site: Site) -> str:
 
 
 def _plane(face) -> dict:
-    return {"normal": np.asarray(face.normal).tolist(), "d_m": float(face.d)}
+    return {
+        "normal": np.asarray(face.normal).tolist(),
+        "d_m": float(face.d),
+        "centroid_m": np.asarray(face.centroid).tolist(),
+        "corners_m": np.asarray(face.corners).tolist(),
+    }
 
 
 def _round(value) -> float:
@@ -192,6 +199,8 @@ def write_survey(
     """``F1.laz`` and so on, ``mission.sbet``, ``mounting.toml`` and ``truth.json`` in ``folder``;
     ``scale`` m as `write_strip`."""
     site = site or Site()
+    if not 1e-7 <= scale <= 0.1:
+        raise BadInput(f"scale: expected 1e-7 to 0.1 m, got {scale:g}; give the LAZ's resolution")
     for strip in survey.strips:
         write_strip(folder / f"{strip.name}.laz", survey, strip, site, scale)
     sbet_records(survey, site).astype("<f8").tofile(folder / "mission.sbet")

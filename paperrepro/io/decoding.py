@@ -1,6 +1,6 @@
 """Records of a file to rays: one clock, one frame, a pose for each, and back to the laser."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,7 +9,7 @@ import numpy as np
 from paperrepro.errors import BadInput, EmptyStrip, OutsideTrajectory
 from paperrepro.io import clock, passes, rays
 from paperrepro.io.geodesy import Grid, LocalFrame
-from paperrepro.io.las import Records, usable
+from paperrepro.io.las import Records
 from paperrepro.io.place import require_near
 from paperrepro.io.posed import PointPoses
 from paperrepro.io.sbet import Poses
@@ -90,8 +90,8 @@ def sample_of(
 
 
 def fits_of_poses(
-    files: list, frame: LocalFrame, candidates: Mapping[str, PointPoses], mounting: Mounting
-) -> dict[str, rays.Fit]:
+    files: list, frame: LocalFrame, candidates: Mapping[Hashable, PointPoses], mounting: Mounting
+) -> dict[Hashable, rays.Fit]:
     """How the rays fit where each point carries its pose, for each way to read its attitude."""
     records = [_sampled(file, timed=False) for file in files]
     points = [local_points(f.grid, r.xyz, frame) for f, r in zip(files, records, strict=True)]
@@ -137,7 +137,7 @@ def read_strip(decoder: Decoder, file) -> Strip:
     point. Raises `BadInput`, `OutsideTrajectory`."""
     parts, unknown = [], 0
     for chunk in file.chunks():
-        records = file.decoded(chunk[usable(chunk)] if hasattr(chunk, "gps_time") else chunk)
+        records = file.decoded(file.usable(chunk))
         if not len(records.time):
             continue
         time, p_m, pose = decoder.locate(file, records)

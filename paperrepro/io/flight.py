@@ -9,6 +9,7 @@ pose and the nominal mounting with which they were computed. Elevations are then
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from paperrepro.io.las import StripFile, open_strip
 from paperrepro.io.mounting import MountingFile, read_mounting
 from paperrepro.io.posed import READINGS, PointPoses, PoseColumns, pose_columns
 from paperrepro.io.sbet import read_accuracy, read_sbet
-from paperrepro.io.table import SUFFIXES, TableFile, open_table
+from paperrepro.io.table import PULSES, SUFFIXES, TableFile, open_table
 from paperrepro.survey import Scanner, Strip, Survey, Trajectory
 
 
@@ -124,14 +125,25 @@ def _decoder_of_flown(
 def _decoder_of_poses(
     files: list, frame: LocalFrame, given: MountingFile, mounting: Path
 ) -> tuple[Decoder, Scanner, list[str]]:
-    columns = [_pose_columns_of(file) for file in files]
-    candidates = {word: PointPoses(columns[0], frame, word) for word in READINGS}
+    columns = {_pose_columns_of(file): file for file in files}
+    if len(columns) > 1:
+        raise BadInput(
+            f"{list(columns.values())[-1].path}: its pose columns are named otherwise than those "
+            f"of {files[0].path}; name them alike"
+        )
+    columns = next(iter(columns))
+    candidates = {
+        (unit, word): PointPoses(columns, frame, word, unit)
+        for unit, word in product(columns.units, READINGS)
+    }
     names = witness.Files(str(files[0].path), str(files[0].path), str(mounting))
     fits = decoding.fits_of_poses(files, frame, candidates, given.mounting)
+    unit = min(fits, key=lambda one: fits[one].scatter)[0]
+    fits = {word: fits[unit, word] for word in READINGS}
     word, reading, notes = witness.settle_poses(fits, given, names)
     scanner, beams, more = witness.scanner_of(reading, given, names)
     clocks = {file.path: 0.0 for file in files}
-    decoder = Decoder(frame, given.mounting, candidates[word], clocks, 0.0, 0.0, beams)
+    decoder = Decoder(frame, given.mounting, candidates[unit, word], clocks, 0.0, 0.0, beams)
     return decoder, scanner, notes + more
 
 
@@ -153,6 +165,11 @@ def _read_all(files: list, decoder: Decoder) -> tuple[list[Strip], list[str]]:
         poses_of = decoding.poses_at(decoder, strip)
         parts, left_out = passes.split(strip, poses_of)
         coarse = passes.whole_seconds(strip.time)
+        if isinstance(file, TableFile) and file.time is None:
+            notes.append(
+                f"{file.path}: no time in it; rows are counted as pulses, {PULSES:.0f} a second, "
+                "which scenario D must not be given"
+            )
         strips += [decoding.with_finer_times(part) if coarse else part for part in parts]
         if len(parts) > 1 or left_out:
             notes.append(

@@ -51,7 +51,21 @@ class StripFile:
         for chunk in self.chunks():
             part = chunk[np.arange(-start % every, len(chunk), every)]
             start += len(chunk)
-            yield part[usable(part)]
+            yield self.usable(part)
+
+    @staticmethod
+    def usable(chunk) -> laspy.ScaleAwarePointRecord:
+        """The records that are neither withheld nor noise nor a repeat of the one before.
+
+        In dual-return mode a scanner may report one echo twice, as strongest and as last.
+        """
+        kept = ~np.isin(np.asarray(chunk.classification), NOISE)
+        if "withheld" in chunk.point_format.dimension_names:
+            kept &= np.asarray(chunk.withheld) == 0
+        columns = (chunk.X, chunk.Y, chunk.Z, chunk.gps_time)
+        same = np.all([column[1:] == column[:-1] for column in map(np.asarray, columns)], axis=0)
+        kept[1:] &= ~same
+        return chunk[kept]
 
     def decoded(self, chunk) -> "Records":
         """The columns that matter of ``chunk``. Raises `BadInput` for a ring that is no number."""
@@ -75,20 +89,6 @@ class Records:
     ring: np.ndarray
     xyz: np.ndarray
     columns: Mapping
-
-
-def usable(chunk) -> np.ndarray:
-    """(N,) bool: neither withheld nor noise nor a repeat of the record before it.
-
-    In dual-return mode a scanner may report one echo twice, as strongest and as last.
-    """
-    kept = ~np.isin(np.asarray(chunk.classification), NOISE)
-    if "withheld" in chunk.point_format.dimension_names:
-        kept &= np.asarray(chunk.withheld) == 0
-    columns = (chunk.X, chunk.Y, chunk.Z, chunk.gps_time)
-    same = np.all([column[1:] == column[:-1] for column in map(np.asarray, columns)], axis=0)
-    kept[1:] &= ~same
-    return kept
 
 
 def open_strip(path: Path, crs: str | None = None, ring_dimension: str = "user_data") -> StripFile:

@@ -2,8 +2,8 @@
 
 The paper's record is such a one: x, y, z, intensity, range, vertical and horizontal angle,
 latitude, longitude, elevation, roll, pitch, heading. Columns are known by their names, without
-prefixes such as ``Sensor``; units by a suffix such as ``Rads`` or else by their size. What the
-heading counts from, the rays tell (`READINGS`).
+prefixes such as ``Sensor``; units by a suffix such as ``Rads``. What the
+heading counts from, the rays tell (`READINGS`), and the unit where no suffix does.
 """
 
 from collections.abc import Iterable
@@ -15,8 +15,9 @@ from paperrepro.errors import BadInput
 from paperrepro.io.geodesy import Grid, LocalFrame
 
 PREFIXES = ("sensor", "scanner", "platform", "imu", "ins", "pose")
-SUFFIXES = {"rads": 1.0, "rad": 1.0, "radians": 1.0, "degs": np.pi / 180, "deg": np.pi / 180,
-            "degrees": np.pi / 180}  # fmt: skip
+DEGREE = np.pi / 180
+SUFFIXES = {"rads": 1.0, "rad": 1.0, "radians": 1.0, "degs": DEGREE, "deg": DEGREE,
+            "degrees": DEGREE}  # fmt: skip
 ON_THE_MAP = (("x",), ("y",), ("z",))
 GEODETIC = (
     ("latitude", "lat"),
@@ -38,24 +39,23 @@ READINGS = {
 
 @dataclass(frozen=True)
 class PoseColumns:
-    """Names of the columns: ``position`` (3), on the map or ``geodetic``, ``attitude`` (3) and
-    their unit in rad; None where the size of the numbers must tell."""
+    """Names of the columns: ``position`` (3), on the map or ``geodetic``, and ``attitude`` (3);
+    ``units``, in rad, that the attitude may be in: one where the names tell, else both."""
 
     position: tuple[str, str, str]
     geodetic: bool
     attitude: tuple[str, str, str]
-    unit: float | None
+    units: tuple[float, ...]
 
     def read(self, record, grid: Grid):
-        """Latitude, longitude rad, height m (N,) and attitude (N, 3) rad as written."""
+        """Latitude, longitude rad, height m (N,) and attitude (N, 3) as written."""
         values = np.column_stack([np.asarray(record[name], float) for name in self.position])
         attitude = np.column_stack([np.asarray(record[name], float) for name in self.attitude])
-        attitude = attitude * (_unit_of(attitude) if self.unit is None else self.unit)
         if not self.geodetic:
             return (*grid.to_geodetic(values), attitude)
         latitude, longitude, height = values.T
         degrees = max(np.abs(latitude).max() / (np.pi / 2), np.abs(longitude).max() / np.pi) > 1
-        unit = np.pi / 180 if degrees else 1.0
+        unit = DEGREE if degrees else 1.0
         return latitude * unit, longitude * unit, height, attitude
 
 
@@ -66,8 +66,9 @@ def pose_columns(names: Iterable[str]) -> PoseColumns | None:
     for kind in (ON_THE_MAP, GEODETIC):
         position = _all_of(plain, kind, prefixed=kind is ON_THE_MAP)
         if position and attitude:
-            unit = next((u for s, u in SUFFIXES.items() if _plain(attitude[0]).endswith(s)), None)
-            return PoseColumns(position, kind is GEODETIC, attitude, unit)
+            named = [u for end, u in SUFFIXES.items() if _plain(attitude[0]).endswith(end)]
+            units = (named[0],) if named else (1.0, DEGREE)
+            return PoseColumns(position, kind is GEODETIC, attitude, units)
     return None
 
 
@@ -89,19 +90,15 @@ def _all_of(plain: dict[str, str], wanted, prefixed: bool = False) -> tuple[str,
     return tuple(found) if all(found) else None
 
 
-def _unit_of(attitude: np.ndarray) -> float:
-    """Degrees or radians, by the size of the largest angle; small ones alone cannot tell."""
-    return np.pi / 180 if np.abs(attitude).max() > 2 * np.pi + 0.01 else 1.0
-
-
 @dataclass(frozen=True)
 class PointPoses:
     """Poses of points in the m-frame of ``frame``, their attitude read as ``reading`` of
-    `READINGS`."""
+    `READINGS` in ``unit`` rad."""
 
     columns: PoseColumns
     frame: LocalFrame
     reading: str = ""
+    unit: float = 1.0
 
     def of(self, record, grid: Grid) -> np.ndarray:
         """(N, 6) of the records. Raises `BadInput` for NaN."""
@@ -109,6 +106,7 @@ class PointPoses:
         if not np.isfinite(written).all() or not np.isfinite(latitude + longitude + height).all():
             raise BadInput("poses hold NaN or infinity; drop such points")
         turn, start, nose, of_grid = READINGS[self.reading]
+        written = written * self.unit
         heading = start + turn * written[:, 2]
         if of_grid:
             heading = heading + grid.convergence(latitude, longitude)

@@ -27,8 +27,8 @@ UP = np.array([0.0, 0.0, 1.0])
 @dataclass(frozen=True)
 class Sample:
     """Points of all strips: ``time`` (N,) s of the trajectory's clock, ``p_m`` (N, 3) m, ``ring``
-    (N,) as recorded; ``scale`` m, the resolution of their coordinates; ``base`` m, the height of the
-    m-frame's origin."""
+    (N,) as recorded; ``scale`` m, the resolution of their coordinates; ``base`` m, the height
+    of the m-frame's origin."""
 
     time: np.ndarray
     p_m: np.ndarray

@@ -49,6 +49,11 @@ class TableFile:
         for chunk in self.chunks():
             yield chunk[chunk.index % every == 0]
 
+    @staticmethod
+    def usable(chunk: pd.DataFrame) -> pd.DataFrame:
+        """All rows: a table marks none as noise."""
+        return chunk
+
     def decoded(self, chunk: pd.DataFrame) -> Records:
         """The columns that matter of ``chunk``."""
         ring = chunk[self.ring].to_numpy(float)
@@ -71,6 +76,8 @@ def open_table(path: Path, crs: str | None, ring_dimension: str = "user_data") -
     for chunk in _chunks(path, CHUNK):
         names = tuple(chunk.columns)
         _require_columns(names, path)
+        if chunk.empty:
+            break
         _require_numbers(chunk, path)
         xyz = chunk[["x", "y", "z"]].to_numpy(float)
         low, high = np.minimum(low, xyz.min(axis=0)), np.maximum(high, xyz.max(axis=0))

@@ -1,0 +1,74 @@
+"""``paperrepro simulate`` and the way back to the truth."""
+
+import json
+
+import laspy
+import numpy as np
+import pytest
+
+from paperrepro.adjustment.calibration import calibrate
+from paperrepro.cli import main
+from paperrepro.io.flight import read_flight
+from paperrepro.io.geodesy import LocalFrame
+from paperrepro.pipeline import find_candidates, find_roofs
+
+NAMES = [f"F{k}.laz" for k in range(1, 9)] + ["mission.sbet", "mounting.toml", "truth.json"]
+
+
+def simulated(folder, *options):
+    assert main(["simulate", "--out", str(folder), *options]) == 0
+    return folder
+
+
+def boresight_of(folder):
+    """By SL, degrees, and the flight."""
+    flight = read_flight(
+        sorted(folder.glob("*.laz")), folder / "mission.sbet", folder / "mounting.toml"
+    )
+    found = find_roofs(flight.survey, find_candidates(flight.survey))
+    return np.degrees(calibrate(flight.survey, found.matched, "SL").boresight), flight
+
+
+@pytest.mark.slow
+def test_far_from_the_central_meridian_the_boresight_is_the_same(tmp_path):
+    """150 km off, and on it; what differs is the last bits that steer the random choices."""
+    off = simulated(tmp_path / "off", "--longitude", "-49.5")
+    on = simulated(tmp_path / "on", "--longitude", "-51.0")
+    assert sorted(path.name for path in off.iterdir()) == sorted(NAMES)
+    (first, flight), (second, _) = boresight_of(off), boresight_of(on)
+    easting = laspy.read(off / "F1.laz").x.mean()
+    assert abs(easting - 500_000) > 149_000
+    truth = json.loads((off / "truth.json").read_text())
+    true = np.array([truth["boresight_deg"][name] for name in ("omega", "phi", "kappa")])
+    assert np.abs(first - true).max() < 0.08  # SL under default noise
+    np.testing.assert_allclose(first, second, atol=0.003)
+    _require_planes_in_place(truth, flight)
+
+
+def _require_planes_in_place(truth, flight):
+    """The origin of truth.json is the frame of its planes: a face's centroid lies on it."""
+    origin = truth["origin"]
+    frame = LocalFrame(
+        np.radians(origin["latitude_deg"]), np.radians(origin["longitude_deg"]), origin["height_m"]
+    )
+    for plane in truth["planes"]:
+        centroid = np.array(plane["centroid_m"])
+        assert abs(np.dot(plane["normal"], centroid) - plane["d_m"]) < 1e-6
+        local = flight.frame.from_geodetic(*frame.to_geodetic(centroid[None]))
+        assert np.abs(local[0, :2]).max() < 300
+
+
+@pytest.mark.parametrize(
+    ("options", "fact"),
+    [
+        (["--latitude", "91"], "latitude"),
+        (["--zone", "61"], "zone"),
+        (["--scale", "0"], "scale"),
+        (["--preset", "other"], "preset"),
+        (["--seed", "-1"], "seed"),
+    ],
+)
+def test_what_cannot_be_simulated(tmp_path, capsys, options, fact):
+    assert main(["simulate", "--out", str(tmp_path / "a" / "b"), *options]) == 2
+    assert fact in capsys.readouterr().err
+    assert not (tmp_path / "a").exists()
