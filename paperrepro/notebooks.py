@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import nbformat
 import papermill
 from jupyter_client.manager import AsyncKernelManager
 from nbformat import NotebookNode
@@ -86,6 +87,15 @@ def _parameter(
             f"got {default}; make it plain in the cell tagged parameters"
         ) from None
     return Parameter(name, kind, float(value) if kind is float else value)
+
+
+def without_outputs(notebook: Path) -> str:
+    """The text of ``notebook``, without what it has shown when it was executed."""
+    book = nbformat.read(notebook, as_version=4)
+    for cell in book.cells:
+        if cell.cell_type == "code":
+            cell.outputs, cell.execution_count = [], None
+    return nbformat.writes(book)
 
 
 def execute(

@@ -39,7 +39,7 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from paperrepro.notebooks import declared
+    from paperrepro.notebooks import declared, without_outputs
     from paperrepro.reproduce import NOTEBOOKS
     from paperrepro.sweep.fingerprint import Fingerprint
     from paperrepro.sweep.grid import points, read_grid
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     notebook = options.notebook or NOTEBOOKS / "08_noise_sweep_run.ipynb"
     known = declared(notebook)
     grid = read_grid(options.grid, known, _seeds(options, known))
-    text = notebook.read_text(encoding="utf-8")
+    text = without_outputs(notebook)
     fingerprint = Fingerprint.of(text)
     runs = points(grid, known, fingerprint)
     _refuse_what_cannot_be_simulated(runs)

@@ -5,9 +5,11 @@ import signal
 import sys
 import tempfile
 import uuid
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 
 from dask.distributed import Client, Future, LocalCluster, WorkerPlugin, as_completed
 from dask.system import CPU_COUNT
@@ -66,6 +68,7 @@ def cluster(scheduler: str | None = None, workers: int | None = None) -> Iterato
 @contextmanager
 def _local(workers: int) -> Iterator[Client]:
     """Processes of one thread, those of their libraries too."""
+    warnings.filterwarnings("ignore", r"(?s)\s*Port .* is already in use")  # another is taken
     with (
         tempfile.TemporaryDirectory(prefix="sweep-dask-") as folder,
         variables(ONE_THREAD),
@@ -110,14 +113,10 @@ def drive(
     """
     progress = Progress()
     sweep = uuid.uuid4().hex
-    futures = client.map(
-        run_point,
-        [dict(point.parameters) for point in points],
-        notebook=notebook,
-        asked=asked,
-        sweep=sweep,
-        key=[f"{point.name}-{sweep}" for point in points],
-    )
+    run = partial(run_point, notebook=notebook, asked=asked, sweep=sweep)
+    parameters = [dict(point.parameters) for point in points]
+    keys = [f"{point.name}-{sweep}" for point in points]
+    futures = client.map(run, parameters, key=keys)
     waiting = dict(zip(futures, points, strict=True))
     try:
         with _bar(len(points)) as bar:

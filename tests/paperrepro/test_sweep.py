@@ -8,7 +8,7 @@ import pytest
 
 from paperrepro.cli import main
 from paperrepro.errors import BadInput
-from paperrepro.notebooks import declared
+from paperrepro.notebooks import declared, without_outputs
 from paperrepro.sweep.fingerprint import Fingerprint
 from paperrepro.sweep.grid import points, read_grid
 from paperrepro.sweep.store import Store
@@ -140,6 +140,14 @@ def test_a_worker_of_another_version_is_refused_by_name(notebook):
         require_version(text, Fingerprint(asked.notebook, asked.code, tuple(versions.items())))
 
 
+def test_what_a_notebook_has_shown_does_not_travel(notebook):
+    book = nbformat.read(notebook, 4)
+    book.cells[2].outputs = [nbformat.v4.new_output("stream", text="shown before")]
+    nbformat.write(book, notebook)
+    assert "shown before" not in without_outputs(notebook)
+    assert Fingerprint.of(without_outputs(notebook)) == Fingerprint.of(notebook.read_text())
+
+
 # The store
 
 
@@ -224,8 +232,9 @@ def test_a_changed_notebook_does_not_mix_with_old_rows(notebook, tmp_path, capsy
 
 
 @pytest.mark.slow
-def test_a_parameter_that_rows_do_not_name_is_a_column(notebook, tmp_path):
+def test_a_parameter_that_rows_do_not_name_is_a_column(tmp_path):
     out = tmp_path / "out"
+    notebook = write_notebook(tmp_path / "long.ipynb", about="Half a megabyte " * 32_000)
     sweep = arguments(notebook, out, "--grid", "again=false,true", "--workers", "1", noise="1")
     assert main(sweep) == 0
     rows = rows_of(out)
