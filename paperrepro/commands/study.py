@@ -10,6 +10,8 @@ from paperrepro.errors import BadInput
 
 #: Factors by which scenario D is told a wrong specification of the GNSS/INS.
 MISTAKEN = (0.5, 2.0)
+#: Significant digits of a study's numbers.
+DIGITS = 6
 
 
 def add(commands) -> None:
@@ -60,6 +62,8 @@ def run(options: argparse.Namespace) -> int:
         data_synth.make_config(**asdict(run))  # refuses, before anything runs
     version = code_version("data_synth.simulation") + code_version("data_synth.evaluation")
     rows = run_seeds(simulate_one, runs, options.workers, version)
+    for column in ("value", "sigma"):  # a study is kept: what chance decides is not written
+        rows[column] = [float(f"{number:.{DIGITS}g}") for number in rows[column]]
     write_csv(rows, options.out.parent, options.out.stem)
     failed = rows[rows.metric == FAILED]
     print(f"{options.out}: {len(runs)} surveys, {len(rows)} rows, {len(failed)} failures")
