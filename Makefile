@@ -54,8 +54,8 @@ test: lint ## lint, tests, then every notebook on its quick profile
 lint: $(ready) ## ruff on the packages, tests and notebooks
 	$(bin)/ruff check .
 
-bench: $(ready) ## time the hot paths, one process
-	$(bin)/python -m pytest tests/benchmarks --benchmark-only $(ARGS)
+bench: $(ready) ## time every stage beside its peers, into OUT
+	$(bin)/python -m tests.benchmarks --out "$(OUT)" $(ARGS)
 
 lab: $(ready) ## open the notebooks in JupyterLab
 	$(bin)/jupyter lab notebooks $(ARGS)

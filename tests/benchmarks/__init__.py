@@ -1,0 +1,1 @@
+"""How fast each stage is, beside a peer that does the same: ``python -m tests.benchmarks``."""

@@ -1,0 +1,89 @@
+"""What the stages should reach, and whether they do, from the rows alone."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+
+@dataclass(frozen=True)
+class Target:
+    """``measured`` takes the table of rows and gives a number, which must be at most ``limit``, or
+    at least if ``at_least``."""
+
+    what: str
+    limit: float
+    measured: Callable[[pd.DataFrame], float]
+    at_least: bool = False
+
+    def judged(self, rows: pd.DataFrame) -> dict:
+        value = self.measured(rows)
+        met = value >= self.limit if self.at_least else value <= self.limit
+        sign = ">=" if self.at_least else "<="
+        return {"target": self.what, "limit": f"{sign} {self.limit:g}", "measured": value,
+                "met": "not measured" if np.isnan(value) else "yes" if met else "no"}  # fmt: skip
+
+
+def _of(column: str, stage: str, peer: str | None = None, every: int | None = 1):
+    """``column`` of one row; of the densest survey that has a peer if ``every`` is None."""
+
+    def measured(rows: pd.DataFrame) -> float:
+        chosen = rows[rows.stage == stage]
+        chosen = chosen[chosen.peer == peer] if peer else chosen
+        chosen = chosen[chosen.every == every] if every else chosen.sort_values("every")
+        return float(chosen[column].iloc[0]) if len(chosen) else np.nan
+
+    return measured
+
+
+def _rate(rows: pd.DataFrame) -> float:
+    chosen = rows[(rows.stage == "simulate") & (rows.every == 1)]
+    return float((chosen.points / chosen.seconds).iloc[0]) if len(chosen) else np.nan
+
+
+def exponent(points: np.ndarray, seconds: np.ndarray) -> float:
+    """Slope of the logarithm of ``seconds`` against that of ``points``."""
+    if len(points) < 2:
+        return float("nan")
+    return float(np.polyfit(np.log(points), np.log(seconds), 1)[0])
+
+
+def _growth(stage: str):
+    def measured(rows: pd.DataFrame) -> float:
+        chosen = rows[rows.stage == stage].drop_duplicates("every")
+        return exponent(chosen.points.to_numpy(float), chosen.seconds.to_numpy())
+
+    return measured
+
+
+def _growth_of_d(rows: pd.DataFrame) -> float:
+    chosen = rows[rows.stage.str.startswith("D, ")]
+    return exponent(chosen.points.to_numpy(float), chosen.seconds.to_numpy())
+
+
+TARGETS = (
+    Target("simulate, points/s", 2e6, _rate, at_least=True),
+    Target("georeference / memory copy", 4.0, _of("ratio", "georeference", "memory copy")),
+    Target("outliers / Open3D", 0.5, _of("ratio", "outliers")),
+    Target("outliers, Jaccard", 0.99, _of("agreement", "outliers"), at_least=True),
+    Target("ground, s", 0.35, _of("seconds", "ground")),
+    Target("normals and growing, s", 1.0, _of("seconds", "normals and growing")),
+    *(
+        target
+        for name in ("SL", "A", "B", "C")
+        for target in (
+            Target(f"{name} / SciPy", 0.1, _of("ratio", name, "SciPy", None)),
+            Target(f"{name}, difference, rad", 1e-8, _of("agreement", name, "SciPy", None)),
+        )
+    ),
+    Target("D, exponent in flight time", 1.05, _growth_of_d),
+    Target("whole method, exponent in points", 1.05, _growth("whole method")),
+    Target("whole method, memory, GiB", 4.0, _of("memory_gib", "whole method")),
+    Target("first run, compiling, s", 20.0, _of("first_seconds", "compiling", every=None)),
+)
+
+
+def judged(rows: pd.DataFrame) -> pd.DataFrame:
+    """One line a target."""
+    return pd.DataFrame([target.judged(rows) for target in TARGETS])
