@@ -25,6 +25,9 @@ from paperrepro.survey import Survey
 PLANES = ("auto", "gables", "any")
 #: Gable faces from which on gables suffice: six roofs, as many azimuths.
 ENOUGH_GABLES = 12
+#: Strips from which on the noise of the trajectory is told from the boresight: in two lines half of
+#: the boresight and an error of either look alike.
+ENOUGH_STRIPS = 4
 #: Planes, points a face and seconds between nodes from which noise is estimated.
 NOISE_PLANES, NOISE_POINTS, NOISE_SPACING = 30, 150, 0.5
 
@@ -117,7 +120,7 @@ def _adjust(
 ) -> tuple[CalibrationResult, MatchedFaces]:
     """``scenario`` on ``matched``, and the faces that it kept; D under the noise in the data."""
     factors = None
-    if scenario == "D":
+    if scenario == "D" and len(set(matched.strips)) >= ENOUGH_STRIPS:
         few = _few(matched)
         near = screen(survey, few).boresight
         factors = trajectory.calibrate_with_trajectory(

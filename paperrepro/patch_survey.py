@@ -10,6 +10,7 @@ import numpy as np
 
 from paperrepro.adjustment.matched import LEAST_PLANES, MatchedFaces, Rejection
 from paperrepro.adjustment.screening import screen
+from paperrepro.adjustment.trajectory import lasting_sigma
 from paperrepro.errors import TooFewPlanes
 from paperrepro.georeference import georeference
 from paperrepro.matching import FaceKey
@@ -35,20 +36,22 @@ class PatchPass:
     @classmethod
     def coarse(cls, tile_m: float) -> "PatchPass":
         """For boresights wrong by up to 3 degrees; see `matching.MatchParameters.coarse`."""
-        matching = PatchMatchParameters(3.0, max(tile_m, 3.0), 10.0, same_tile=False)
-        return cls(PatchParameters.coarse(tile_m), matching, fan_deg=3.5)
-
-    @classmethod
-    def middle(cls, tile_m: float) -> "PatchPass":
-        """For boresights right to a degree or so, by the central beams still."""
-        matching = PatchMatchParameters(1.0, tile_m, 6.0, same_tile=False)
+        inclination = max(10.0, 3 * normal_noise_deg(tile_m))
+        matching = PatchMatchParameters(3.0, max(tile_m, 3.0), inclination, same_tile=False)
         return cls(PatchParameters.coarse(tile_m), matching, fan_deg=3.5)
 
     @classmethod
     def fine(cls, tile_m: float) -> "PatchPass":
         """All beams, for a boresight right to 0.2 degrees."""
-        matching = PatchMatchParameters(0.3, tile_m, 3.0, same_tile=True)
+        inclination = max(3.0, 3 * normal_noise_deg(tile_m))
+        matching = PatchMatchParameters(0.3, tile_m, inclination, same_tile=True)
         return cls(PatchParameters.fine(tile_m), matching, fan_deg=90.0)
+
+
+def normal_noise_deg(tile_m: float, roughness_m: float = 0.03, independent: int = 10) -> float:
+    """To what a normal is known whose patch departs from its plane by ``roughness_m`` in so many
+    ``independent`` places: 3 degrees at 0.6 m, half a degree at 4 m."""
+    return float(np.degrees(roughness_m / np.sqrt(independent) / (tile_m / np.sqrt(12))))
 
 
 @dataclass(frozen=True)
@@ -72,8 +75,9 @@ MOST_POINTS, MOST_OF_FACE, MOST_PLANES = 400_000, 400, 200
 #: Edge of a patch: at most so many metres, at least so many, and so many patches in a strip. The
 #: fewest points that a patch of a strip should have sets a limit from below, too.
 TILE_M, TILES_PER_STRIP, POINTS_PER_TILE = (0.6, 4.0), 200, 100
-#: The passes end when the boresight changes by less, or there were too many.
-SETTLED_DEG, MAX_PASSES = 0.02, 12
+#: The passes end when the boresight changes by less, in degrees or in its standard deviations, or
+#: when there were too many.
+SETTLED_DEG, SETTLED_SIGMAS, MAX_PASSES = 0.02, 0.5, 12
 
 
 def sample_rays(survey: Survey, seed: int = 0) -> dict[str, Rays]:
@@ -107,15 +111,21 @@ def find_planes(survey: Survey, settled: bool = False, progress: Progress = sile
     samples = sample_rays(survey)
     tile_m = tile_size(samples, survey.mounting)
     fine = PatchPass.fine(tile_m)
-    coarse = [PatchPass.coarse(tile_m), PatchPass.middle(tile_m)]
     return settle(
         survey,
         lambda mounting, step: planes_under(survey, samples, mounting, step),
-        [fine] if settled else [*coarse, fine],
+        [fine] if settled else [PatchPass.coarse(tile_m), fine],
         MAX_PASSES,
-        SETTLED_DEG,
+        lambda found, x: _settled_deg(survey, found.matched, x),
         progress,
     )
+
+
+def _settled_deg(survey: Survey, matched: MatchedFaces, boresight: np.ndarray) -> np.ndarray:
+    """Change (3,) deg of an angle that does not matter: small, or small against its sigma. Where a
+    flight hardly determines an angle, each pass draws another one."""
+    sigma = np.rad2deg(lasting_sigma(survey, matched, boresight))
+    return np.maximum(SETTLED_DEG, SETTLED_SIGMAS * sigma)
 
 
 def planes_under(

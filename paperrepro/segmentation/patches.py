@@ -30,7 +30,7 @@ class PatchParameters:
     tile_m: float = 4.0
     cells: int = 8
     growing: GrowingParameters = field(
-        default_factory=lambda: GrowingParameters(angle_deg=5.0, residual_m=0.05)
+        default_factory=lambda: GrowingParameters(16, angle_deg=8.0, residual_m=0.05)
     )
     min_cells: int = 16
     min_points: int = 40
@@ -47,7 +47,7 @@ class PatchParameters:
     def coarse(cls, tile_m: float) -> "PatchParameters":
         """For the central beams under a boresight wrong by up to 3 degrees, which makes a surface
         18 cm thick 30 m below: see `roofs.RoofParameters.coarse`."""
-        growing = GrowingParameters(angle_deg=10.0, residual_m=0.15)
+        growing = GrowingParameters(16, angle_deg=15.0, residual_m=0.15)
         return cls(
             tile_m=tile_m, growing=growing, min_points=20, tolerance_m=0.30, rms_m=0.15,
             min_cells=10,
