@@ -11,7 +11,9 @@ import numpy as np
 
 from paperrepro.adjustment import trajectory
 from paperrepro.adjustment.calibration import SCENARIO_NAMES, calibrate
+from paperrepro.adjustment.faces import face_states
 from paperrepro.adjustment.matched import MatchedFaces, Rejection
+from paperrepro.adjustment.normals import Unknowns
 from paperrepro.adjustment.result import CalibrationResult
 from paperrepro.adjustment.screening import screen
 from paperrepro.errors import BadInput, NoConvergence, RankDefect, TooFewPlanes
@@ -66,7 +68,7 @@ def calibrate_flight(
     pairs = _require_overlap(survey, samples)
     kind, found, remarks = _find(survey, planes, progress)
     progress(f"scenario {scenario}: {found.matched.n_planes} planes")
-    result, matched = _adjust(survey, found.matched, scenario)
+    result, matched = _adjust(survey, found.matched, scenario, found.boresights[-1])
     progress(f"distances of {len(pairs)} pairs of strips")
     distances = pair_distances(samples, pairs, survey.mounting, result.calibrated)
     rejected = (*found.rejected, *result.rejected)
@@ -116,20 +118,22 @@ def _find(survey: Survey, planes: str, progress: Progress):
 
 
 def _adjust(
-    survey: Survey, matched: MatchedFaces, scenario: str
+    survey: Survey, matched: MatchedFaces, scenario: str, near: np.ndarray
 ) -> tuple[CalibrationResult, MatchedFaces]:
-    """``scenario`` on ``matched``, and the faces that it kept; D under the noise in the data."""
-    factors = None
+    """``scenario`` on ``matched`` from ``near`` (3,) rad, and the faces that it kept; D under the
+    noise in the data. What it says of before is under the survey's own mounting."""
+    factors, start = None, replace(survey, mounting=survey.mounting.with_calibration(near))
     if scenario == "D" and len(set(matched.strips)) >= ENOUGH_STRIPS:
-        few = _few(matched)
-        near = screen(survey, few).boresight
         factors = trajectory.calibrate_with_trajectory(
-            survey, few, components=True, spacing=NOISE_SPACING, near=near
+            start, _few(matched), components=True, spacing=NOISE_SPACING, near=near
         ).components
-        survey = _with_noise(survey, factors)
-    result = calibrate(survey, matched, scenario)
-    kept = matched.subset(screen(survey, matched).kept) if result.rejected else matched
-    return replace(result, components=factors), kept
+        start = _with_noise(start, factors)
+    result = calibrate(start, matched, scenario)
+    kept = matched.subset(screen(start, matched).kept) if result.rejected else matched
+    unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, "none")
+    before = face_states(kept.rays, kept.plane_ranges, unknowns, unknowns.start()).rms
+    changed = {"mounting": survey.mounting, "rms_before": before, "components": factors}
+    return replace(result, **changed), kept
 
 
 def _few(matched: MatchedFaces) -> MatchedFaces:

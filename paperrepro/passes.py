@@ -43,7 +43,7 @@ def settle(
     for number in range(max_passes):
         last = number >= len(steps) - 1
         found = find(mounting, steps[-1] if last else steps[number])
-        boresights.append(_boresight(survey, found.matched))
+        boresights.append(_boresight(replace(survey, mounting=mounting), found.matched))
         change = np.rad2deg(np.abs(boresights[-1] - boresights[-2]))
         words = f"{found.matched.n_planes} planes, change {change.max():.3f}°"
         progress(f"pass {number + 1}: {words}")

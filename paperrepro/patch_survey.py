@@ -4,7 +4,7 @@ As `pipeline.find_roofs` does with roofs: coarse and with the central beams firs
 until the boresight under which the patches were found no longer changes.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -147,7 +147,7 @@ def planes_under(
         )
     chosen = _chosen(ties, patches)
     matched, keys = _matched(rays, p_m, patches, chosen, step)
-    screening = screen(survey, matched)
+    screening = screen(replace(survey, mounting=mounting), matched)
     if screening.rejected:
         keys = _surviving(matched, keys, screening.kept)
         matched = matched.subset(screening.kept)
