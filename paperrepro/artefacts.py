@@ -153,10 +153,14 @@ ARTEFACTS = (
     Artefact("noise_beaten", "Surveys in which [11] is beaten", _SWEEP,
              "Share of surveys in which A, B, C and D (ours) find the boresight better than [11], "
              "over the noise of the trajectory; a half is chance."),
+    Artefact("promises", "What sigmas promise and hold", _SWEEP,
+             "RMS error, formal σ, Cramér-Rao bound, coverage of 95\u00a0% intervals and mean "
+             "squared standardised error by angle, over many surveys; D also with a wrong prior."),
+    Artefact("errors_against_sigmas", "Errors against sigmas", _SWEEP,
+             "Error of the boresight over its formal σ, a point for each survey, a colour for "
+             "each scenario."),
     Artefact("verdicts", "Verdicts counted", _CLAIMS,
              "Number of claims by verdict, the paper's and ours."),
     Artefact("ordering", "Which method is better", _CLAIMS,
              "Mean boresight error of each scenario over many surveys, with its interval."),
-    Artefact("errors_against_sigmas", "Errors against sigmas", _CLAIMS,
-             "Error of each angle over its formal σ, one point a survey, one colour a scenario."),
 )  # fmt: skip
