@@ -36,12 +36,12 @@ def test_far_from_the_central_meridian_the_boresight_is_the_same(tmp_path):
     on = simulated(tmp_path / "on", "--longitude", "-51.0")
     assert sorted(path.name for path in off.iterdir()) == sorted(NAMES)
     (first, flight), (second, _) = boresight_of(off), boresight_of(on)
-    easting = laspy.read(off / "F1.laz").x.mean()
+    easting = np.mean(laspy.read(off / "F1.laz").x)
     assert abs(easting - 500_000) > 149_000
     truth = json.loads((off / "truth.json").read_text())
     true = np.array([truth["boresight_deg"][name] for name in ("omega", "phi", "kappa")])
     assert np.abs(first - true).max() < 0.08  # SL under default noise
-    np.testing.assert_allclose(first, second, atol=0.003)
+    np.testing.assert_allclose(first, second, atol=0.001)
     _require_planes_in_place(truth, flight)
 
 
