@@ -7,6 +7,8 @@ import numba
 import numpy as np
 from scipy.spatial import cKDTree
 
+from paperrepro.segmentation.eigen import least_eigenpair
+
 
 @dataclass(frozen=True)
 class Plane:
@@ -51,10 +53,9 @@ class GrowingParameters:
 def fit_plane(p_m: np.ndarray) -> Plane:
     """Least-squares plane of points (N >= 3, 3) m by PCA."""
     centroid, scatter = _moments(p_m)
-    eigenvalue, eigenvector = np.linalg.eigh(scatter)
-    normal = eigenvector[:, 0] * (1.0 if eigenvector[2, 0] >= 0 else -1.0)
-    rms = float(np.sqrt(max(eigenvalue[0], 0.0)))
-    return Plane(normal, float(normal @ centroid), centroid, rms)
+    value, vector = least_eigenpair(scatter)
+    normal = np.array(vector)
+    return Plane(normal, float(normal @ centroid), centroid, float(np.sqrt(max(value, 0.0))))
 
 
 @numba.njit(cache=True)
@@ -95,17 +96,15 @@ def neighbourhood(p_m: np.ndarray, k: int, reach_m: float) -> Neighbourhood:
     tree = cKDTree(p_m)
     _, index = tree.query(p_m, k=np.arange(1, count + 1), distance_upper_bound=reach_m, workers=-1)
     index = np.where(index < len(p_m), index, -1)
-    scatter = np.empty((len(p_m), 3, 3))
-    _local_moments(p_m, index, scatter)
-    eigenvalue, eigenvector = np.linalg.eigh(scatter)
-    normal = eigenvector[:, :, 0] * np.where(eigenvector[:, 2:, 0] >= 0, 1.0, -1.0)
-    residual = np.sqrt(np.maximum(eigenvalue[:, 0], 0.0))
+    normal, residual = np.empty((len(p_m), 3)), np.empty(len(p_m))
+    _local_planes(p_m, index, normal, residual)
     return Neighbourhood(index[:, 1:], normal, residual)
 
 
 @numba.njit(cache=True, parallel=True)
-def _local_moments(p_m, index, scatter):
-    """Fill ``scatter`` (V, 3, 3) with the covariance of each point's neighbours, -1 for none."""
+def _local_planes(p_m, index, normal, residual):
+    """Fill ``normal`` (V, 3) and ``residual`` (V,) of the planes of each point's neighbours, -1 for
+    none."""
     for v in numba.prange(len(index)):
         q = np.empty((index.shape[1], 3))
         count = 0
@@ -113,7 +112,10 @@ def _local_moments(p_m, index, scatter):
             if n >= 0:
                 q[count] = p_m[n]
                 count += 1
-        scatter[v] = _moments(q[:count])[1]
+        value, vector = least_eigenpair(_moments(q[:count])[1])
+        residual[v] = np.sqrt(max(value, 0.0))
+        for a in range(3):
+            normal[v, a] = vector[a]
 
 
 def grow_regions(around: Neighbourhood, group: np.ndarray, params: GrowingParameters) -> np.ndarray:
