@@ -70,6 +70,7 @@ def page(own: OwnFlight, pictures: Mapping[str, Picture], files: Mapping[str, st
     return environment.get_template("calibration_template.html").render(
         css=(HERE / "report.css").read_text(encoding="utf-8"),
         own=own, result=result, seen=result.observability, scenario_words=SCENARIOS,
+        reasons=str(result.observability).split("; ")[2:],
         strips=len(own.survey.strips), scanner=own.survey.scanner.name,
         navigation=own.survey.navigation.name, pictures=pictures, files=files,
         notes=[*notes, *own.remarks], angles=angle_table(own), offsets=offset_table(own),
@@ -96,15 +97,20 @@ def angle_table(own: OwnFlight) -> Table:
         value, sigma = np.degrees(result.boresight[k]), np.degrees(result.sigma[k])
         said = "no" if axis in result.observability.undetermined else "yes"
         lasts = "" if lasting is None else f"{np.degrees(lasting[k]):.4f}"
-        span = f"{value - 1.96 * sigma:.4f} to {value + 1.96 * sigma:.4f}"
+        span = f"{_signed(value - 1.96 * sigma)} to {_signed(value + 1.96 * sigma)}"
         lines.append(
-            (f"{SYMBOLS[name]} ({axis})", f"{value:.4f}", f"{sigma:.4f}", span, lasts, said)
+            (f"{SYMBOLS[name]} ({axis})", _signed(value), f"{sigma:.4f}", span, lasts, said)
         )
     heads = (
         "angle", "estimate (°)", "σ (°)", "95 % interval (°)",
         "σ under lasting trajectory errors (°)", "determined",
     )  # fmt: skip
     return Table(heads, lines, frozenset({0, 5}))
+
+
+def _signed(value: float) -> str:
+    """With a minus sign that is as wide as a plus."""
+    return f"{value:.4f}".replace("-", "−")
 
 
 def offset_table(own: OwnFlight) -> Table | None:

@@ -18,6 +18,7 @@ from paperrepro.adjustment.result import CalibrationResult
 from paperrepro.adjustment.screening import screen
 from paperrepro.errors import BadInput, NoConvergence, RankDefect, TooFewPlanes
 from paperrepro.passes import Progress, silent
+from paperrepro.patch_matching import choose
 from paperrepro.patch_survey import find_planes, sample_rays
 from paperrepro.pipeline import find_candidates, find_roofs
 from paperrepro.strip_distances import PairDistances, overlaps, pair_distances
@@ -125,7 +126,7 @@ def _adjust(
     factors, start = None, replace(survey, mounting=survey.mounting.with_calibration(near))
     if scenario == "D" and len(set(matched.strips)) >= ENOUGH_STRIPS:
         factors = trajectory.calibrate_with_trajectory(
-            start, _few(matched), components=True, spacing=NOISE_SPACING, near=near
+            start, _few(start, matched), components=True, spacing=NOISE_SPACING, near=near
         ).components
         start = _with_noise(start, factors)
     result = calibrate(start, matched, scenario)
@@ -136,10 +137,12 @@ def _adjust(
     return replace(result, **changed), kept
 
 
-def _few(matched: MatchedFaces) -> MatchedFaces:
-    """At most `NOISE_PLANES` planes of ``matched``, those of most faces, and few points of each."""
+def _few(survey: Survey, matched: MatchedFaces) -> MatchedFaces:
+    """At most `NOISE_PLANES` planes of ``matched``, that face many ways, and few points of each."""
+    unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, "none")
+    states = face_states(matched.rays, matched.plane_ranges, unknowns, unknowns.start())
     views = np.bincount(matched.plane)
-    planes = np.argsort(-views, kind="stable")[:NOISE_PLANES]
+    planes = choose(states.plane[:, :3], states.centroid, views, NOISE_PLANES)
     return matched.subset(np.isin(matched.plane, planes)).thinned(NOISE_POINTS)
 
 

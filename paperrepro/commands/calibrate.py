@@ -107,7 +107,8 @@ def _pictures(own):
 
 
 class _Steps:
-    """A progress bar that grows with the work: its length is known in part only."""
+    """A progress bar, on a terminal alone. It grows with the work: how long it is going to be is
+    known in part only."""
 
     #: Reading, three passes, the adjustment, distances, the report.
     USUAL = 7
@@ -115,9 +116,14 @@ class _Steps:
     def __init__(self, n_strips: int):
         from tqdm import tqdm
 
-        self.bar = tqdm(total=n_strips + self.USUAL, bar_format="{l_bar}{bar}| {elapsed} {desc}")
+        self.bar = tqdm(
+            total=n_strips + self.USUAL, disable=None, leave=False,
+            bar_format="{percentage:3.0f} %|{bar:30}| {elapsed} {desc}",
+        )  # fmt: skip
 
     def __call__(self, words: str) -> None:
+        if self.bar.disable:
+            return
         self.bar.set_description_str(words, refresh=False)
         self.bar.total = max(self.bar.total, self.bar.n + 2)
         self.bar.update(1)
@@ -126,7 +132,4 @@ class _Steps:
         return self
 
     def __exit__(self, kind, error, trace) -> None:
-        if kind is None:
-            self.bar.total = self.bar.n
-            self.bar.set_description_str("done")
         self.bar.close()

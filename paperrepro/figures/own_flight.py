@@ -62,7 +62,7 @@ def pair_changes(ax: Axes, distances: Sequence[PairDistances]) -> Axes:
     ax.grid(axis="x", which="both", lw=0.4)
     ax.set_ylim(-0.7, len(distances) - 0.3)
     ax.set_xlabel("RMS distance between the strips (cm)")
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.5 / max(len(distances) * 0.16, 1)),
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.0 + 0.9 / (len(distances) + 1)),
               ncols=2)  # fmt: skip
     return ax
 
@@ -91,7 +91,6 @@ def facing(ax: Axes, normals: np.ndarray) -> Axes:
     ax.set_rlabel_position(22.5)
     ax.yaxis.set_major_formatter("{x:.0f}°")
     ax.set_xticks(np.radians(np.arange(0, 360, 90)), ["N", "E", "S", "W"])
-    ax.set_title("slope and direction of the planes", loc="center")
     return ax
 
 
@@ -131,7 +130,7 @@ def _map(own) -> Picture:
 
 
 def _pairs(own) -> Picture:
-    figure, ax = canvas("double", 30 + 5.2 * len(own.distances))
+    figure, ax = canvas("double", 28 + 5.2 * len(own.distances))
     pair_changes(ax, own.distances)
     words = "RMS distance of each pair of strips before and after calibration"
     return _picture(figure, "Pairs", f"{words}; the values are in the table below.", f"{words}.")

@@ -1,0 +1,117 @@
+"""``paperrepro calibrate`` from files to files: contents, exit codes, nothing half-written."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from data_synth.operator import Site, write_survey
+from paperrepro.cli import main
+
+
+@pytest.fixture(scope="module")
+def folder(flown, tmp_path_factory):
+    """Four strips of the simulated survey as an operator has them."""
+    folder = tmp_path_factory.mktemp("flight")
+    kept = [
+        k for k, strip in enumerate(flown.survey.strips) if strip.name in ("F1", "F2", "F7", "F8")
+    ]
+    survey = replace(flown.survey, strips=tuple(flown.survey.strips[k] for k in kept))
+    write_survey(folder, survey, flown.truth, Site(-25.75, -49.4, 900.0, None), 1e-4)
+    return folder
+
+
+def calibrate(folder, out, *more, strips=("F1", "F2", "F7", "F8")):
+    return main(
+        [
+            "calibrate", *(str(folder / f"{name}.laz") for name in strips), "--trajectory",
+            str(folder / "mission.sbet"), "--mounting", str(folder / "mounting.toml"),
+            "--out", str(out), *more,
+        ]
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def done(folder, tmp_path_factory):
+    out = tmp_path_factory.mktemp("done") / "calibrated"
+    assert calibrate(folder, out, "--write-strips") == 0
+    return out
+
+
+def test_the_truth_is_within_three_sigma(folder, done):
+    truth = json.loads((folder / "truth.json").read_text())["boresight_deg"]
+    found = json.loads((done / "calibration.json").read_text())
+    for angle, value in truth.items():
+        assert abs(found["boresight_deg"][angle] - value) < 3 * found["sigma_deg"][angle]
+    variance = np.diag(found["covariance_deg2"])
+    np.testing.assert_allclose(np.sqrt(variance), list(found["sigma_deg"].values()))
+
+
+def test_the_result_holds_what_is_promised(done):
+    found = json.loads((done / "calibration.json").read_text())
+    assert found["scenario"] == "D"
+    assert len(found["range_offsets_m"]) == 16
+    assert found["rmse_after_m"] < 0.3 * found["rmse_before_m"]
+    assert found["n_planes"] > 8
+    assert found["n_points"] > 1000
+    assert found["iterations"] >= 1
+    assert 0.8 < found["sigma0"] < 1.2
+    assert found["observability"]["rank"] == 3
+    assert found["observability"]["condition"] > 1
+    assert found["observability"]["weakest_direction"] in ("roll", "pitch", "yaw")
+    assert len(found["strip_pairs"]) == 6
+
+
+def test_the_report_is_one_page_with_everything_on_it(done):
+    page = (done / "report.html").read_text(encoding="utf-8")
+    for heading in ("Observability", "Strips, trajectory, planes", "Distances between strips",
+                    "Planes", "Correlations", "What was rejected"):  # fmt: skip
+        assert f"<h2>{heading}</h2>" in page
+    assert page.count('src="data:image/svg+xml') == 5
+    assert page.count("<img") == page.count("alt=") == 5
+    assert "http" not in page.replace("http://www.w3.org", "")
+    assert "F1 – F2" in page
+    assert "nan" not in page.lower().split("</style>")[1].split("data:image")[0]
+
+
+def test_adjusted_strips_are_beside_them(done):
+    names = sorted(path.name for path in done.iterdir())
+    assert names == ["F1.laz", "F2.laz", "F7.laz", "F8.laz", "calibration.json", "report.html"]
+
+
+def test_scenario_sl_has_no_range_offsets_and_says_what_its_sigma_are(folder, tmp_path):
+    assert calibrate(folder, tmp_path / "out", "--scenario", "SL") == 0
+    assert json.loads((tmp_path / "out/calibration.json").read_text())["range_offsets_m"] is None
+    assert "too small" in (tmp_path / "out/report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("strips", "more", "said"),
+    [
+        (("F1",), (), "at least two"),
+        (("F1", "F1"), (), "given twice"),
+        (("F1", "F9"), (), "F9.laz: no such file"),
+        (("F1", "F2"), ("--scenario", "E"), "--scenario E: expected one of"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(folder, tmp_path, capfd, strips, more, said):
+    assert calibrate(folder, tmp_path / "out", *more, strips=strips) == 2
+    lines = capfd.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert said in lines[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_strips_are_not_overwritten(folder, capfd):
+    before = (folder / "F1.laz").read_bytes()
+    assert calibrate(folder, folder, "--write-strips") == 2
+    assert "would overwrite" in capfd.readouterr().err
+    assert (folder / "F1.laz").read_bytes() == before
+
+
+def test_too_few_planes_is_exit_one(folder, tmp_path, capfd, monkeypatch):
+    monkeypatch.setattr("paperrepro.patch_survey.MOST_PLANES", 2)
+    assert calibrate(folder, tmp_path / "out", "--planes", "any") == 1
+    assert "at least 4" in capfd.readouterr().err
+    assert list(tmp_path.iterdir()) == []
