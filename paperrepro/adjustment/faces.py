@@ -70,17 +70,27 @@ def _face_sums(
     centroid, J, scatter, cross,
 ):  # fmt: skip
     for f in numba.prange(len(ranges)):
-        q, J_x, near = np.empty(3), np.empty((3, 4)), np.empty(3)
-        first, last = ranges[f, 0], ranges[f, 1]
-        for i in range(first, last):
-            r = rho[i] + offsets[ring[i]]
-            _point(position[i], turns[i], r, R_l_b, turn_axes, lever, q, J_x)
-            if i == first:  # sums are reckoned from a point of the face: no digits are lost
-                near[:] = q
-            for a in range(3):
-                q[a] -= near[a]
-            _add(q, J_x, ring_column[ring[i]], centroid[f], J[f], scatter[f], cross[f])
-        _centre(last - first, near, centroid[f], J[f], scatter[f], cross[f])
+        _sums_of_face(
+            position, turns, rho, ring, ranges[f], R_l_b, turn_axes, lever, offsets, ring_column,
+            centroid[f], J[f], scatter[f], cross[f],
+        )  # fmt: skip
+
+
+@numba.njit(cache=True)
+def _sums_of_face(
+    position, turns, rho, ring, rows, R_l_b, turn_axes, lever, offsets, ring_column,
+    centroid, J, scatter, cross,
+):  # fmt: skip
+    q, J_x, near = np.empty(3), np.empty((3, 4)), np.zeros(3)
+    for i in range(rows[0], rows[1]):
+        r = rho[i] + offsets[ring[i]]
+        _point(position[i], turns[i], r, R_l_b, turn_axes, lever, q, J_x)
+        for a in range(3):
+            if i == rows[0]:  # sums are reckoned from a point of the face: no digits are lost
+                near[a] = q[a]
+            q[a] -= near[a]
+        _add(q, J_x, ring_column[ring[i]], centroid, J, scatter, cross)
+    _centre(rows[1] - rows[0], near, centroid, J, scatter, cross)
 
 
 @numba.njit(cache=True)

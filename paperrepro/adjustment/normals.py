@@ -127,19 +127,33 @@ def _point_blocks(
     position, turns, rho, ring, ranges, origin, planes, R_l_b, turn_axes, lever, offsets,
     ring_column, variances, N, t, chi2,
 ):  # fmt: skip
-    per_ring = ring_column.max() >= 0
     for g in numba.prange(len(planes)):
-        v, b, row = np.empty(9), np.empty(9), np.empty(8)
-        sums = np.zeros((len(ring_column) if per_ring else 1, 8, 9))
-        for i in range(ranges[g, 0], ranges[g, 1]):
-            w, s = settle(
-                position[i], turns[i], rho[i], planes[g], origin[g], R_l_b, turn_axes, lever,
-                offsets[ring[i]], variances, v, b, row,
-            )  # fmt: skip
-            _add_products(row, w, 1.0 / s, sums[ring[i] if per_ring else 0])
-            chi2[g] += w * w / s
-        for k in range(len(sums)):
-            _add_sums(sums[k], ring_column[k], N[g], t[g])
+        chi2[g] = _point_block(
+            position, turns, rho, ring, ranges[g], origin[g], planes[g], R_l_b, turn_axes, lever,
+            offsets, ring_column, variances, N[g], t[g],
+        )  # fmt: skip
+
+
+@numba.njit(cache=True)
+def _point_block(
+    position, turns, rho, ring, rows, origin, plane, R_l_b, turn_axes, lever, offsets,
+    ring_column, variances, N, t,
+):  # fmt: skip
+    """One plane: fills N and t, gives chi2. (A function of its own: what stands in a parallel loop
+    itself takes seconds to compile.)"""
+    v, b, row, chi2 = np.empty(9), np.empty(9), np.empty(8), 0.0
+    per_ring = ring_column.max() >= 0
+    sums = np.zeros((len(ring_column) if per_ring else 1, 8, 9))
+    for i in range(rows[0], rows[1]):
+        w, s = settle(
+            position[i], turns[i], rho[i], plane, origin, R_l_b, turn_axes, lever,
+            offsets[ring[i]], variances, v, b, row,
+        )  # fmt: skip
+        _add_products(row, w, 1.0 / s, sums[ring[i] if per_ring else 0])
+        chi2 += w * w / s
+    for k in range(len(sums)):
+        _add_sums(sums[k], ring_column[k], N, t)
+    return chi2
 
 
 @numba.njit(cache=True)

@@ -10,7 +10,8 @@ SWEEPS = 8
 @numba.njit(cache=True)
 def least_eigenpair(S):
     """Least eigenvalue and its unit vector (x, y, z), z >= 0, of ``S`` (3, 3), which is spoilt."""
-    V = np.eye(3)
+    V = np.zeros((3, 3))
+    V[0, 0] = V[1, 1] = V[2, 2] = 1.0
     for _ in range(SWEEPS):
         apart = abs(S[0, 1]) + abs(S[0, 2]) + abs(S[1, 2])
         if apart <= 1e-17 * (abs(S[0, 0]) + abs(S[1, 1]) + abs(S[2, 2])):

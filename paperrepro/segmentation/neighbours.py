@@ -112,25 +112,31 @@ def _sorted_by_cell(p_m, low, cell, shape):
 def _by_grid(q, k, low, cell, shape, start, order, out):
     """Fill ``out`` for points ``q`` sorted by cell, in the order of measurement."""
     for chunk in numba.prange((q.shape[1] + CHUNK - 1) // CHUNK):
-        found = np.empty(ROOM)
-        reach = cell
-        for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, q.shape[1])):
-            count = 0
-            while count <= k:  # the point itself is among them
-                count = _within(q, i, reach, k, low, cell, shape, start, found)
-                reach *= WIDER
-            farthest = _at_rank(found, k, count)
-            total, less = 0.0, 0
-            for m in range(count):
-                if found[m] < farthest:
-                    total += np.sqrt(found[m])
-                    less += 1
-            out[order[i]] = (total + (k + 1 - less) * np.sqrt(farthest)) / k
-            reach = MARGIN * np.sqrt(farthest) + 1e-9
+        _of_chunk(chunk, q, k, low, cell, shape, start, order, out)
 
 
 @numba.njit(cache=True)
-def _within(q, i, reach, k, low, cell, shape, start, found):
+def _of_chunk(chunk, q, k, low, cell, shape, start, order, out):
+    """A function of its own: what stands in a parallel loop itself takes seconds to compile."""
+    found, nearest = np.empty(max(ROOM, 2 * k)), np.empty(k + 1)
+    reach = cell
+    for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, q.shape[1])):
+        count = 0
+        while count <= k:  # the point itself is among them
+            count = _within(q, i, reach, low, cell, shape, start, found, nearest)
+            reach *= WIDER
+        farthest = _at_rank(found, count, nearest)
+        total, less = 0.0, 0
+        for m in range(count):
+            if found[m] < farthest:
+                total += np.sqrt(found[m])
+                less += 1
+        out[order[i]] = (total + (k + 1 - less) * np.sqrt(farthest)) / k
+        reach = MARGIN * np.sqrt(farthest) + 1e-9
+
+
+@numba.njit(cache=True)
+def _within(q, i, reach, low, cell, shape, start, found, nearest):
     """Fill ``found`` with the squared distances of the points within ``reach``, the point itself
     among them, or where there is no room with those of the nearest; their number."""
     x, y, z = q[0, i], q[1, i], q[2, i]
@@ -144,23 +150,39 @@ def _within(q, i, reach, k, low, cell, shape, start, found):
             found[count] = e * e + n * n + u * u
             count += found[count] <= limit
             if count == len(found):
-                count = k + 1
-                found[:count] = np.partition(found, k)[:count]
-                limit = found[k]
+                limit, count = _keep_smallest(found, count, nearest), len(nearest)
+                for m in range(count):
+                    found[m] = nearest[m]
     return count
 
 
 @numba.njit(cache=True)
-def _at_rank(values, k, count):
-    """The value that ``k`` of the first ``count`` come before: by their ranks where they are few,
-    since counting needs no branches."""
+def _at_rank(values, count, nearest):
+    """The greatest of the ``len(nearest)`` smallest of the first ``count`` values: by their ranks
+    where they are few, since counting needs no branches."""
     if count > FEW:
-        return np.partition(values[:count], k)[k]
+        return _keep_smallest(values, count, nearest)
     found = 0.0
     for m in range(count):
         value, less = values[m], 0
         for j in range(count):
             less += values[j] < value
-        if less <= k:
+        if less < len(nearest):
             found = max(found, value)
     return found
+
+
+@numba.njit(cache=True)
+def _keep_smallest(values, count, smallest):
+    """Fill ``smallest``, ascending, from the first ``count`` values; the greatest of them."""
+    last = len(smallest) - 1
+    for m in range(last + 1):
+        smallest[m] = np.inf
+    for m in range(count):
+        if values[m] < smallest[last]:
+            place = last
+            while place > 0 and smallest[place - 1] > values[m]:
+                smallest[place] = smallest[place - 1]
+                place -= 1
+            smallest[place] = values[m]
+    return smallest[last]

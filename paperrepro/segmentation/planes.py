@@ -65,7 +65,8 @@ def _moments(p_m):
     for i in range(len(p_m)):
         for a in range(3):
             centroid[a] += p_m[i, a]
-    centroid /= len(p_m)
+    for a in range(3):
+        centroid[a] /= len(p_m)
     for i in range(len(p_m)):
         for a in range(3):
             for b in range(a + 1):
@@ -106,16 +107,21 @@ def _local_planes(p_m, index, normal, residual):
     """Fill ``normal`` (V, 3) and ``residual`` (V,) of the planes of each point's neighbours, -1 for
     none."""
     for v in numba.prange(len(index)):
-        q = np.empty((index.shape[1], 3))
-        count = 0
-        for n in index[v]:
-            if n >= 0:
-                q[count] = p_m[n]
-                count += 1
-        value, vector = least_eigenpair(_moments(q[:count])[1])
-        residual[v] = np.sqrt(max(value, 0.0))
-        for a in range(3):
-            normal[v, a] = vector[a]
+        residual[v] = _local_plane(p_m, index[v], normal[v])
+
+
+@numba.njit(cache=True)
+def _local_plane(p_m, index, normal):
+    q = np.empty((len(index), 3))
+    count = 0
+    for n in index:
+        if n >= 0:
+            for a in range(3):
+                q[count, a] = p_m[n, a]
+            count += 1
+    value, vector = least_eigenpair(_moments(q[:count])[1])
+    normal[0], normal[1], normal[2] = vector
+    return np.sqrt(max(value, 0.0))
 
 
 def grow_regions(around: Neighbourhood, group: np.ndarray, params: GrowingParameters) -> np.ndarray:
