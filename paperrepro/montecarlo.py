@@ -88,12 +88,15 @@ def failure(run: Run) -> dict:
     return run.row(ARTEFACT, "all", FAILED, "1", 1)
 
 
-def read_study(path: str | Path) -> pd.DataFrame:
-    """Rows of a study that was written before; none where ``path`` is no file."""
-    if not Path(path).is_file():
+def read_study(*paths: str | Path) -> pd.DataFrame:
+    """Rows of studies and sweeps that were written before; none where a path is no file. What
+    several have of a survey is taken from the first."""
+    found = [pd.read_csv(path)[list(COLUMNS)] for path in paths if Path(path).is_file()]
+    if not found:
         return frame([])
-    rows = pd.read_csv(path)[list(COLUMNS)]
-    return rows.astype({"noise_scale": float, "value": float, "sigma": float})
+    rows = pd.concat(found, ignore_index=True)
+    rows = rows.astype({"noise_scale": float, "value": float, "sigma": float})
+    return rows.drop_duplicates(list(COLUMNS[:-3]), ignore_index=True)
 
 
 def _reason(future: Future) -> str | None:

@@ -97,6 +97,16 @@ def test_a_study_is_read_as_it_was_written(tmp_path):
     assert read_study(tmp_path / "none.csv").empty
 
 
+def test_a_sweep_adds_the_surveys_that_a_study_lacks(tmp_path):
+    other = Run("mount", "quick", 4.0, 1)
+    study = frame([ONE.row("study", "B", "error_phi", "deg", 1.0)])
+    sweep = frame([run.row("study", "B", "error_phi", "deg", 2.0) for run in (ONE, other)])
+    for name, rows in {"study": study, "sweep": sweep}.items():
+        write_csv(rows, tmp_path, name)
+    both = read_study(tmp_path / "study.csv", tmp_path / "sweep.csv", tmp_path / "none.csv")
+    assert both[["noise_scale", "value"]].to_numpy().tolist() == [[1.0, 1.0], [4.0, 2.0]]
+
+
 @pytest.mark.parametrize(
     ("options", "words"), [(["--preset", "mount,none"], "'none'"), (["--seeds", "0"], "got 0")]
 )
