@@ -10,7 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from paperrepro.claims.evidence import Evidence, Interval, Setting, Surveys, TooLittle
+from paperrepro.claims.evidence import (
+    LEAST_SEEDS,
+    Evidence,
+    Interval,
+    Setting,
+    Surveys,
+    TooLittle,
+)
 
 HOLDS = "holds"
 CONDITIONS = "holds under conditions"
@@ -66,15 +73,19 @@ def over_settings(judge: Judge, preset: str | None = None) -> Rule:
 
 
 def over_noise(judge: Callable[[list[Surveys]], Judged]) -> Rule:
-    """``judge`` for every preset and profile, given its surveys at all noise scales, ascending."""
+    """``judge`` for every preset and profile, given its surveys at all noise scales, ascending; of
+    those scales at which enough surveys gave a result."""
 
     def rule(evidence: Evidence) -> Finding:
         try:
             groups: dict[str, list[Setting]] = {}
             for setting in sorted(evidence.settings()):
-                groups.setdefault(setting.name, []).append(setting)
+                if (~evidence.surveys(setting).failed("all")).sum() >= LEAST_SEEDS:
+                    groups.setdefault(setting.name, []).append(setting)
         except TooLittle as missing:
             return untested(str(missing))
+        if not groups:
+            return untested(f"at no noise scale {LEAST_SEEDS} surveys gave a result")
         surveys = {
             name: [evidence.surveys(setting, len(groups)) for setting in settings]
             for name, settings in groups.items()

@@ -277,6 +277,19 @@ def test_a_calibration_that_fails_is_counted(name):
     assert line(pd.concat([study(), every]), f"ours-completes-{name}").verdict == FAILS
 
 
+def test_a_noise_at_which_too_few_surveys_give_a_result_is_left_out_of_a_growth():
+    growing = study({("B", "error"): lambda k: 0.01 * k}, scales=(1.0, 2.0, 4.0))
+    at_most = (growing.noise_scale != 4.0) | (growing.seed > 2)
+    failed = failures("all", [1, 2]).assign(noise_scale=4.0)
+    rows = pd.concat([growing[at_most], failed])
+    assert line(rows, "better-sensors-B").verdict == HOLDS
+    every = pd.concat([failures("all", range(1, LEAST_SEEDS + 1)).assign(noise_scale=k)
+                       for k in (1.0, 2.0)])  # fmt: skip
+    nothing = line(every, "better-sensors-B")
+    assert nothing.verdict == UNTESTED
+    assert "gave a result" in nothing.condition
+
+
 @pytest.mark.parametrize(
     ("claim", "key", "value"),
     [
