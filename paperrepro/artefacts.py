@@ -36,6 +36,7 @@ _FARM, _EQUATION, _ROOFS = "01_simulated_farm", "02_lidar_equation", "03_roof_ex
 _MATCHING, _CALIBRATION = "04_matching", "05_calibration"
 _REFINEMENT, _ACCURACY = "06_refinement", "07_accuracy"
 _SWEEP, _CLAIMS, _APPLICATIONS = "08_noise_sweep", "09_claims", "10_applications"
+_OWN = "11_own_flight"
 _REDUCED = f"{100 * RMSE_REDUCTION['C'].value:.0f}\u00a0%"
 
 #: Every table and figure, first those of the paper in its order, then ours in the notebooks' order.
@@ -163,4 +164,7 @@ ARTEFACTS = (
              "Number of claims by verdict, the paper's and ours."),
     Artefact("ordering", "Which method is better", _CLAIMS,
              "Mean boresight error of each scenario over many surveys, with its interval."),
+    Artefact("own_flight_pairs", "An operator's folder, calibrated", _OWN,
+             "Distances between the strips of a simulated operator's folder, by pair of strips, "
+             "before and after the calibration by D (ours)."),
 )  # fmt: skip
