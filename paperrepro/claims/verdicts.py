@@ -114,9 +114,10 @@ def combine(judged: dict[str, Judged]) -> Finding:
     for state, opening in _OPENINGS.items():
         names = [name for name, each in judged.items() if each.state == state]
         if names:
-            where = f"{opening} at {', '.join(names)}: " if len(judged) > 1 else ""
+            where = f"{opening} at {names[0]}: " if len(judged) > 1 else ""
             where = where or ("undecided: " if state == OPEN else "")
-            parts.append(f"{where}{judged[names[0]].words}")
+            alike = f"; likewise at {', '.join(names[1:])}" if len(names) > 1 else ""
+            parts.append(f"{where}{judged[names[0]].words}{alike}")
     first = next(iter(judged.values()))
     return Finding(
         first.measured.value, first.measured.low, first.measured.high,
