@@ -11,7 +11,7 @@ from paperrepro.errors import BadInput
 #: Factors by which scenario D is told a wrong specification of the GNSS/INS.
 MISTAKEN = (0.5, 2.0)
 #: Significant digits of a study's numbers.
-DIGITS = 5
+DIGITS = 4
 
 
 def add(commands) -> None:

@@ -142,7 +142,7 @@ def test_one_survey_measured_has_all_that_the_ledger_asks_for(flown, monkeypatch
 
     noise = TrueNoise(specified_process(flown.survey.navigation), 0.015)
     known = Known(flown.truth.mounting, judge, noise, 16)
-    rows = frame(measure(flown.survey, known, ONE, depth=Depth(mistaken=(2.0,))))
+    rows = frame(measure(flown.survey, known, ONE, depth=Depth(mistaken=(0.5, 2.0))))
     assert not rows.duplicated(["scenario", "metric"]).any()
     assert np.isfinite(rows.value).all()
     monkeypatch.setattr(evidence, "LEAST_SEEDS", 1)

@@ -42,9 +42,13 @@ def sweep(tmp_path):
 
 @contextmanager
 def started(command, text=False):
-    """A process in a group of its own, as a shell starts it; ended with all that it started."""
+    """A process in a group of its own, as a shell starts it in the foreground: it heeds SIGINT even
+    where these tests, started in the background, were told not to. Ended with all it started."""
     pipe = subprocess.PIPE if text else subprocess.DEVNULL
-    process = subprocess.Popen(command, start_new_session=True, text=True, stdout=pipe, stderr=pipe)
+    process = subprocess.Popen(
+        command, start_new_session=True, text=True, stdout=pipe, stderr=pipe,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
     try:
         yield process
     finally:
