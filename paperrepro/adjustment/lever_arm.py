@@ -25,11 +25,6 @@ class LeverArmUnknowns(Unknowns):
     """`Unknowns` with three more at the end of ``x``: corrections of the lever arm, m, b-frame."""
 
     @property
-    def n_offsets(self) -> int:
-        """Range offsets in ``x``."""
-        return super().size - 3
-
-    @property
     def size(self) -> int:
         return super().size + 3
 
