@@ -2,14 +2,12 @@
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
+from paperrepro.claims.evidence import TWO_SIDED
 from paperrepro.study_rows import ARTEFACT, BOUND
 from paperrepro.tables import ANGLES
 
 _SETTING = ["preset", "profile", "noise_scale"]
-#: Half the width of a 95 % interval, in sigma.
-_REACH = float(stats.norm.ppf(0.975))
 
 
 def promises(rows: pd.DataFrame, scenarios: tuple[str, ...]) -> pd.DataFrame:
@@ -45,7 +43,7 @@ def _of_metric(rows: pd.DataFrame, metric: str) -> pd.DataFrame:
 def _promise(group: pd.DataFrame) -> list[float]:
     known = group.dropna(subset="bound")
     bound = _rms(known.bound)
-    held = group.value.abs() <= _REACH * group.sigma
+    held = group.value.abs() <= TWO_SIDED * group.sigma
     over = _rms(known.value) / bound if len(known) else np.nan
     return [len(group), _rms(group.value), _rms(group.sigma), bound, over, held.mean()]
 

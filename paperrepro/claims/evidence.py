@@ -18,6 +18,8 @@ from paperrepro.tables import ANGLES
 LEAST_SEEDS = 20
 #: Confidence of all intervals of one claim together.
 CONFIDENCE = 0.95
+#: Half the width of such an interval, in sigma.
+TWO_SIDED = float(stats.norm.ppf(0.5 + CONFIDENCE / 2))
 #: Before a metric's name: its formal sigma.
 SIGMA = "sigma of "
 _RESAMPLES = 4000

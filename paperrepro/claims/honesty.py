@@ -5,7 +5,7 @@ import pandas as pd
 from scipy import stats
 
 from paperrepro.adjustment.lever_arm import AXES, PRIOR_SIGMA
-from paperrepro.claims.evidence import CONFIDENCE, SIGMA, Surveys, TooLittle
+from paperrepro.claims.evidence import CONFIDENCE, SIGMA, TWO_SIDED, Surveys, TooLittle
 from paperrepro.claims.judges import Quantity
 from paperrepro.claims.verdicts import NO, YES, Judge, Judged, shown, span
 from paperrepro.published import ATTITUDE_ACCURACY
@@ -13,7 +13,6 @@ from paperrepro.study import LEVER_ARM, SCREENED, WRONG
 from paperrepro.study_rows import BOUND
 from paperrepro.tables import ANGLES
 
-_TWO_SIDED = stats.norm.ppf(0.5 + CONFIDENCE / 2)
 #: Lilliefors' 5 % limit of the KS distance from a normal distribution of estimated mean and sigma,
 #: times the root of the sample size.
 LILLIEFORS = 0.886
@@ -42,7 +41,7 @@ def _held(surveys: Surveys, scenario: str) -> pd.Series:
     for angle in ANGLES:
         error = surveys.of(scenario, f"error_{angle}")
         sigma = surveys.of(scenario, f"{SIGMA}error_{angle}")
-        parts.append((error.abs() <= _TWO_SIDED * sigma).where(error.notna() & sigma.notna()))
+        parts.append((error.abs() <= TWO_SIDED * sigma).where(error.notna() & sigma.notna()))
     return pd.concat(parts, axis=1).astype(float).mean(axis=1, skipna=False)
 
 

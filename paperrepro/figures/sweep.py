@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from paperrepro.adjustment.calibration import SCENARIO_NAMES
-from paperrepro.claims.evidence import CONFIDENCE, Interval, binomial, bootstrap
+from paperrepro.claims.evidence import CONFIDENCE, TWO_SIDED, Interval, binomial, bootstrap
 from paperrepro.figures import SCENARIO_COLOURS, canvas, scenario_name
 from paperrepro.figures.claims import error_table
 from paperrepro.study_rows import ARTEFACT
@@ -18,7 +18,6 @@ from paperrepro.tables import ANGLES, COLUMNS
 #: What the surveys that are averaged have in common beside the noise; and what a sweep varies more.
 SETTING = ["preset", "profile"]
 TRUTH = "truth"
-_TWO_SIDED = stats.norm.ppf(0.5 + CONFIDENCE / 2)
 _OFFSETS = {"offset_reference": "offset_mean_reference", "offset_truth": "offset_mean_truth"}
 _MEASURED = ["error_deg", "sigma_deg", "held", *_OFFSETS, "beats_sl"]
 
@@ -49,7 +48,7 @@ def _of_setting(rows: pd.DataFrame) -> pd.DataFrame:
     for name, metric in _OFFSETS.items():
         table[name] = values.get(metric, np.nan)
     angles = rows[rows.metric.isin([f"error_{angle}" for angle in ANGLES])].dropna(subset="sigma")
-    held = angles.assign(value=angles.value.abs() <= _TWO_SIDED * angles.sigma)
+    held = angles.assign(value=angles.value.abs() <= TWO_SIDED * angles.sigma)
     table["held"] = held.groupby(keys).value.mean()
     others = table.error_deg.unstack().reindex(columns=SCENARIO_NAMES)
     of_sl = others.pop("SL")
