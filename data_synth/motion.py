@@ -10,6 +10,7 @@ import numba
 import numpy as np
 from scipy.interpolate import PPoly
 
+from paperrepro.kernels import over_threads
 from paperrepro.survey import Trajectory
 
 #: Spacing of the exact poses, and of the trajectory's records, s.
@@ -35,7 +36,8 @@ class Disturbance:
     def at(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Values (M, 6) and rates (M, 6)."""
         value, rate = np.empty((len(time), 6)), np.empty((len(time), 6))
-        _sinusoids(time, self.amplitude, self.omega, self.phase, value, rate)
+        waves = self.amplitude, self.omega, self.phase
+        over_threads(_sinusoids, len(time), 1024, time, *waves, value, rate)
         return value, rate
 
 
@@ -56,9 +58,9 @@ def _draw_band(rms, band, count: int, rng) -> tuple[np.ndarray, np.ndarray, np.n
     return weight, omega, rng.uniform(0.0, 2 * np.pi, (6, count))
 
 
-@numba.njit(cache=True, parallel=True)
-def _sinusoids(time, amplitude, omega, phase, value, rate):
-    for i in numba.prange(len(time)):
+@numba.njit(cache=True, nogil=True)
+def _sinusoids(first, last, time, amplitude, omega, phase, value, rate):
+    for i in range(first, last):
         for j in range(6):
             total, slope = 0.0, 0.0
             for k in range(amplitude.shape[1]):
@@ -87,7 +89,8 @@ class Motion:
         last = int((time.max() - self.start) / FINE_STEP) + 2
         value, rate = self._exact(self.start + FINE_STEP * np.arange(first, last + 1))
         pose = np.empty((len(time), 6))
-        _hermite(time, self.start + FINE_STEP * first, FINE_STEP, value, rate, pose)
+        origin = self.start + FINE_STEP * first
+        over_threads(_hermite, len(time), 4096, time, origin, FINE_STEP, value, rate, pose)
         return pose
 
     def record(self) -> Trajectory:
@@ -109,9 +112,9 @@ def wrap(angle: np.ndarray) -> np.ndarray:
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
-@numba.njit(cache=True, parallel=True)
-def _hermite(time, origin, step, value, rate, pose):
-    for i in numba.prange(len(time)):
+@numba.njit(cache=True, nogil=True)
+def _hermite(first, last, time, origin, step, value, rate, pose):
+    for i in range(first, last):
         u = (time[i] - origin) / step
         k = min(max(int(u), 0), len(value) - 2)
         u -= k

@@ -108,9 +108,8 @@ def nominal_points(survey: Survey, strip: Strip) -> np.ndarray:
     """(N, 3) m, m-frame: what the operator's software makes of a strip before any calibration."""
     pose = survey.trajectory.at(strip.time, strip.name)
     elevation = survey.scanner.beam_elevations[strip.ring]
-    origin, direction = np.empty((len(pose), 3)), np.empty((len(pose), 3))
-    mounting = survey.mounting
-    aim(pose, strip.azimuth, elevation, mounting.R_nominal, mounting.lever_arm, origin, direction)
+    nominal = survey.mounting.with_calibration(np.zeros(3))
+    origin, direction = aim(pose, strip.azimuth, elevation, nominal)
     return origin + np.asarray(strip.rho)[:, None] * direction
 
 

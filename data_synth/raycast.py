@@ -11,6 +11,9 @@ import numba
 import numpy as np
 
 from data_synth.scene import Scene
+from paperrepro.kernels import over_threads
+from paperrepro.sines import sines_near
+from paperrepro.survey import Mounting
 
 #: Rays per batch: bounds the transient memory to about 150 MB.
 BATCH = 1_000_000
@@ -46,16 +49,17 @@ class Raycaster:
         distance, triangle = np.empty(len(origin)), np.empty(len(origin), dtype=np.int32)
         for start in range(0, len(origin), BATCH):
             part = slice(start, start + BATCH)
-            rays = np.concatenate([origin[part], direction[part]], axis=1, dtype=np.float32)
-            hit = self._scene.cast_rays(o3d.core.Tensor(rays))["primitive_ids"].numpy()
+            single = np.concatenate([origin[part], direction[part]], axis=1, dtype=np.float32)
+            hit = self._scene.cast_rays(o3d.core.Tensor(single))["primitive_ids"].numpy()
             out = distance[part], triangle[part]
-            _distances(origin[part], direction[part], hit, self._planes, *out)
+            rays = origin[part], direction[part]
+            over_threads(_distances, len(hit), 4096, *rays, hit, self._planes, *out)
         return distance, triangle
 
 
-@numba.njit(cache=True, parallel=True)
-def _distances(origin, direction, hit, planes, distance, triangle):
-    for i in numba.prange(len(hit)):
+@numba.njit(cache=True, nogil=True)
+def _distances(first, last, origin, direction, hit, planes, distance, triangle):
+    for i in range(first, last):
         k = hit[i]
         if k >= len(planes):  # Open3D's mark of a miss
             distance[i], triangle[i] = np.nan, -1
@@ -67,15 +71,24 @@ def _distances(origin, direction, hit, planes, distance, triangle):
         distance[i], triangle[i] = above / rate, k
 
 
-@numba.njit(cache=True, parallel=True)
-def aim(pose, azimuth, elevation, R_l_b, lever, origin, direction):
-    """Fill ``origin`` and ``direction`` (N, 3), m-frame, of beams fired at ``pose`` (N, 6)."""
-    for i in numba.prange(len(azimuth)):
-        cb = np.cos(elevation[i])
-        l_x, l_y, l_z = cb * np.cos(azimuth[i]), cb * np.sin(azimuth[i]), np.sin(elevation[i])
-        sr, cr = np.sin(pose[i, 3]), np.cos(pose[i, 3])
-        sp, cp = np.sin(pose[i, 4]), np.cos(pose[i, 4])
-        sh, ch = np.sin(pose[i, 5]), np.cos(pose[i, 5])
+def aim(pose, azimuth, elevation, mounting: Mounting) -> tuple[np.ndarray, np.ndarray]:
+    """Origins and directions (N, 3), m-frame, of beams fired at ``pose`` (N, 6)."""
+    origin, direction = np.empty((len(pose), 3)), np.empty((len(pose), 3))
+    given = pose, azimuth, elevation, mounting.R_l_b, mounting.lever_arm
+    over_threads(_aim, len(pose), 4096, *given, origin, direction)
+    return origin, direction
+
+
+@numba.njit(cache=True, nogil=True)
+def _aim(first, last, pose, azimuth, elevation, R_l_b, lever, origin, direction):
+    before = np.full((5, 3), np.nan)
+    for i in range(first, last):
+        sb, cb = sines_near(elevation[i], before[4])
+        sa, ca = sines_near(azimuth[i], before[3])
+        l_x, l_y, l_z = cb * ca, cb * sa, sb
+        sr, cr = sines_near(pose[i, 3], before[0])
+        sp, cp = sines_near(pose[i, 4], before[1])
+        sh, ch = sines_near(pose[i, 5], before[2])
         forward = (sh * cp, ch * cp, sp)
         level = (ch, -sh, 0.0)  # right wing before rolling
         below = (sh * sp, ch * sp, -cp)  # forward x level

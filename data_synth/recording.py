@@ -77,9 +77,7 @@ class Recorder:
             part = slice(start, start + BATCH)
             pose = self.motion.at(pulses.time[part])
             elevation = self.scanner.beam_elevations[pulses.ring[part]] + elevation_noise[part]
-            origin, direction = np.empty((len(pose), 3)), np.empty((len(pose), 3))
-            beam = pulses.azimuth[part], elevation
-            aim(pose, *beam, self.mounting.R_l_b, self.mounting.lever_arm, origin, direction)
+            origin, direction = aim(pose, pulses.azimuth[part], elevation, self.mounting)
             distance[part], triangle[part] = self.caster.cast(origin, direction)
         return distance, triangle
 

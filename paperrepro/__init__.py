@@ -4,12 +4,8 @@ Reproduces Oliveira Junior and Santos, "Rigorous Calibration of UAV-Based LiDAR 
 Refinement of the Boresight Angles Using a Point-to-Plane Approach", Sensors 2019.
 """
 
-import numba
-
 from paperrepro.kernels import keep_apart
 
 __version__ = "0.1.0"
 
-# OpenMP first: it is there wherever Open3D runs, and old TBB installations only warn.
-numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
 keep_apart()

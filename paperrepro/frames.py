@@ -15,7 +15,6 @@ boresight
 A matrix ``R_a_b`` takes coordinates from a to b. Angles are radians.
 """
 
-import numba
 import numpy as np
 
 from paperrepro.errors import NotARotation
@@ -27,19 +26,19 @@ T_NED_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 R_NOMINAL = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
 
 
-@numba.njit(cache=True)
-def rotation_zyx(x: float, y: float, z: float) -> np.ndarray:
-    """``Rz(z) @ Ry(y) @ Rx(x)``, (3, 3)."""
+def rotation_zyx(x, y, z) -> np.ndarray:
+    """``Rz(z) @ Ry(y) @ Rx(x)``, (..., 3, 3) of angles (...,) rad."""
     cx, sx = np.cos(x), np.sin(x)
     cy, sy = np.cos(y), np.sin(y)
     cz, sz = np.cos(z), np.sin(z)
-    return np.array(
+    R = np.array(
         [
             [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
             [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
             [-sy, cy * sx, cy * cx],
         ]
     )
+    return np.moveaxis(R, (0, 1), (-2, -1))
 
 
 def attitude_matrix(roll: float, pitch: float, heading: float) -> np.ndarray:

@@ -8,20 +8,27 @@ with rho the measured range plus the ring's range offset. Frames: `paperrepro.fr
 import numba
 import numpy as np
 
-from paperrepro.frames import rotation_zyx
+from paperrepro.frames import T_NED_ENU, rotation_zyx
+from paperrepro.kernels import over_threads
+from paperrepro.sines import sines_near
 from paperrepro.survey import Mounting, Rays, Strip, Survey
 
 #: Columns of the derivatives with respect to the parameters, before the range offset.
 BORESIGHT = ("omega", "phi", "kappa")
 #: Observations of one laser point, in the order of `point_jacobians`.
 OBSERVATIONS = ("east", "north", "up", "roll", "pitch", "heading", "range", "azimuth", "elevation")
+#: (3, 3, 3): the k-th matrix times a vector is the k-th axis x the vector.
+AXIS_CROSS = np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(0, 2, 1)
 
 
 def georeference(rays: Rays, mounting: Mounting) -> np.ndarray:
     """Points (N, 3) m, m-frame, of ``rays`` under ``mounting``. Eq. (1), Eq. (2)."""
     p_m = np.empty((len(rays), 3))
     n_rings = int(rays.ring.max()) + 1 if len(rays) else 0
-    _georeference(
+    over_threads(
+        _georeference,
+        len(rays),
+        4096,
         rays.pose,
         rays.ring,
         rays.azimuth,
@@ -52,82 +59,85 @@ def _rotate(R, v):
 
 
 @numba.njit(cache=True)
-def body_to_map_matrix(roll, pitch, heading):
-    """``R_b_m`` as nested tuples, so that a loop over points allocates nothing."""
-    cx, sx = np.cos(roll), np.sin(roll)
-    cy, sy = np.cos(pitch), np.sin(pitch)
-    cz, sz = np.cos(heading), np.sin(heading)
+def body_to_map(turns):
+    """``R_b_m`` by rows, as nested tuples, so that a loop over points allocates nothing; ``turns``
+    begins with sine and cosine of roll, of pitch and of heading."""
+    sr, cr, sp, cp, sh, ch = turns[0], turns[1], turns[2], turns[3], turns[4], turns[5]
     return (
-        (sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx),
-        (cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx),
-        (sy, -cy * sx, -cy * cx),
+        (sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr),
+        (ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr),
+        (sp, -cp * sr, -cp * cr),
     )
 
 
-@numba.njit(cache=True, parallel=True)
-def _georeference(pose, ring, azimuth, elevation, rho, R_l_b, lever, offsets, p_m):
-    for i in numba.prange(len(rho)):
+@numba.njit(cache=True, nogil=True)
+def _georeference(
+    first, last, pose, ring, azimuth, elevation, rho, R_l_b, lever, offsets, p_m
+):  # fmt: skip
+    """Rays ``first`` to ``last``, each by the sines of the one before."""
+    before, beams = np.full((4, 3), np.nan), np.full((len(offsets), 3), np.nan)
+    for i in range(first, last):
+        sa, ca = sines_near(azimuth[i], before[3])
+        sb, cb = sines_near(elevation[i], beams[ring[i]])
         r = rho[i] + offsets[ring[i]]
-        cb = np.cos(elevation[i])
-        r_l = (r * cb * np.cos(azimuth[i]), r * cb * np.sin(azimuth[i]), r * np.sin(elevation[i]))
-        x, y, z = _rotate(R_l_b, r_l)
-        R = body_to_map_matrix(pose[i, 3], pose[i, 4], pose[i, 5])
+        x, y, z = _rotate(R_l_b, (r * cb * ca, r * cb * sa, r * sb))
+        sr, cr = sines_near(pose[i, 3], before[0])
+        sp, cp = sines_near(pose[i, 4], before[1])
+        sh, ch = sines_near(pose[i, 5], before[2])
+        R = body_to_map((sr, cr, sp, cp, sh, ch))
         east, north, up = _rotate(R, (x + lever[0], y + lever[1], z + lever[2]))
         p_m[i, 0] = pose[i, 0] + east
         p_m[i, 1] = pose[i, 1] + north
         p_m[i, 2] = pose[i, 2] + up
 
 
-@numba.njit(cache=True)
-def boresight_derivatives(boresight, R_nominal):
+def boresight_derivatives(boresight: np.ndarray, R_nominal: np.ndarray) -> np.ndarray:
     """dR_l_b/d(omega, phi, kappa), (3, 3, 3), first index the angle."""
     omega, phi, kappa = boresight
-    out = np.empty((3, 3, 3))
-    axis = np.zeros((3, 3, 3))  # generators: axis[k] @ v = e_k x v
-    axis[0, 1, 2], axis[0, 2, 1] = -1.0, 1.0
-    axis[1, 0, 2], axis[1, 2, 0] = 1.0, -1.0
-    axis[2, 0, 1], axis[2, 1, 0] = -1.0, 1.0
     Rx = rotation_zyx(omega, 0.0, 0.0)
     Ry = rotation_zyx(0.0, phi, 0.0)
     Rz = rotation_zyx(0.0, 0.0, kappa)
-    out[0] = Rz @ Ry @ axis[0] @ Rx @ R_nominal
-    out[1] = Rz @ axis[1] @ Ry @ Rx @ R_nominal
-    out[2] = axis[2] @ Rz @ Ry @ Rx @ R_nominal
-    return out
+    about_x, about_y, about_z = AXIS_CROSS
+    return np.stack(
+        [
+            Rz @ Ry @ about_x @ Rx @ R_nominal,
+            Rz @ about_y @ Ry @ Rx @ R_nominal,
+            about_z @ Rz @ Ry @ Rx @ R_nominal,
+        ]
+    )
 
 
-@numba.njit(cache=True)
-def point_jacobians(obs, R_l_b, dR_l_b, lever, offset, p, J_x, J_l):
-    """One laser point and its derivatives, from Eq. (1) and (2).
+def point_jacobians(
+    obs: np.ndarray, R_l_b: np.ndarray, dR_l_b: np.ndarray, lever: np.ndarray, offset: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Laser points and their derivatives, from Eq. (1) and (2).
 
-    ``obs`` (9,) as `OBSERVATIONS`, ``dR_l_b`` from `boresight_derivatives`. Fills ``p`` (3,) m
-    m-frame, ``J_x`` (3, 4) with respect to omega, phi, kappa and the ring's range offset, and
-    ``J_l`` (3, 9) with respect to the observations.
+    ``obs`` (N, 9) as `OBSERVATIONS`, ``dR_l_b`` from `boresight_derivatives`, ``offset`` m of the
+    range. Points (N, 3) m m-frame; derivatives (N, 3, 4) with respect to omega, phi, kappa and the
+    range offset, and (N, 3, 9) with respect to the observations.
     """
-    ca, sa = np.cos(obs[7]), np.sin(obs[7])
-    cb, sb = np.cos(obs[8]), np.sin(obs[8])
-    r = obs[6] + offset
-    R = body_to_map_matrix(obs[3], obs[4], obs[5])
-    r_l = (r * cb * ca, r * cb * sa, r * sb)
-    x, y, z = _rotate(R_l_b, r_l)
-    x, y, z = x + lever[0], y + lever[1], z + lever[2]
-    v_m = _rotate(R, (x, y, z))
-    along = _rotate(R, _rotate(R_l_b, (cb * ca, cb * sa, sb)))
-    across = _rotate(R, _rotate(R_l_b, (-r * cb * sa, r * cb * ca, 0.0)))
-    upward = _rotate(R, _rotate(R_l_b, (-r * sb * ca, -r * sb * sa, r * cb)))
-    by_roll = _rotate(R, (0.0, -z, y))
-    # pitch turns about the levelled y axis: east cos(heading), north -sin(heading)
-    e, n = np.cos(obs[5]), -np.sin(obs[5])
-    by_pitch = (n * v_m[2], -e * v_m[2], e * v_m[1] - n * v_m[0])
-    by_heading = (v_m[1], -v_m[0], 0.0)  # about down
-    for k in range(3):
-        turned = _rotate(R, _rotate(dR_l_b[k], r_l))
-        for j in range(3):
-            J_x[j, k] = turned[j]
-    for j in range(3):
-        p[j] = obs[j] + v_m[j]
-        J_x[j, 3] = along[j]
-        for k in range(3):
-            J_l[j, k] = 1.0 if j == k else 0.0
-        J_l[j, 3], J_l[j, 4], J_l[j, 5] = by_roll[j], by_pitch[j], by_heading[j]
-        J_l[j, 6], J_l[j, 7], J_l[j, 8] = along[j], across[j], upward[j]
+    obs = np.asarray(obs, float)
+    (sa, sb), (ca, cb) = np.sin(obs[:, 7:].T), np.cos(obs[:, 7:].T)
+    rho, zero = obs[:, 6] + offset, np.zeros(len(obs))
+    R_b_m = T_NED_ENU @ rotation_zyx(*obs[:, 3:6].T)
+
+    def in_map(v_b):
+        return np.einsum("nij,nj->ni", R_b_m, v_b)
+
+    beam = np.column_stack([cb * ca, cb * sa, sb])
+    r_l = rho[:, None] * beam
+    r_b = r_l @ R_l_b.T + lever
+    arm = in_map(r_b)
+    along = in_map(beam @ R_l_b.T)
+    across = in_map(np.column_stack([-rho * cb * sa, rho * cb * ca, zero]) @ R_l_b.T)
+    upward = in_map(np.column_stack([-rho * sb * ca, -rho * sb * sa, rho * cb]) @ R_l_b.T)
+    level = np.column_stack([np.cos(obs[:, 5]), -np.sin(obs[:, 5]), zero])
+    by_roll = in_map(np.cross([1.0, 0.0, 0.0], r_b))
+    by_pitch = np.cross(level, arm)  # about the levelled y axis
+    by_heading = np.cross([0.0, 0.0, -1.0], arm)  # about down
+    by_angles = [in_map(r_l @ derivative.T) for derivative in dR_l_b]
+    J_x = np.stack([*by_angles, along], axis=2)
+    J_l = np.empty((len(obs), 3, 9))
+    J_l[:, :, :3] = np.eye(3)
+    J_l[:, :, 3:] = np.stack([by_roll, by_pitch, by_heading, along, across, upward], axis=2)
+    return obs[:, :3] + arm, J_x, J_l

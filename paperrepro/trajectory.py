@@ -7,6 +7,7 @@ import numpy as np
 
 from paperrepro.checks import require_finite, require_lengths
 from paperrepro.errors import BadInput, OutsideTrajectory
+from paperrepro.kernels import over_threads
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Trajectory:
         self._require_cover(time, name)
         pose, rate = self._nodes()
         out = np.empty((len(time), 6))
-        _hermite(self.time, pose, rate, time, out)
+        over_threads(_hermite, len(time), 4096, self.time, pose, rate, time, out)
         return out
 
     def _nodes(self) -> tuple[np.ndarray, np.ndarray]:
@@ -68,10 +69,14 @@ class Trajectory:
                 )
 
 
-@numba.njit(cache=True, parallel=True)
-def _hermite(nodes, value, rate, time, out):
-    for i in numba.prange(len(time)):
-        k = min(max(np.searchsorted(nodes, time[i], side="right") - 1, 0), len(nodes) - 2)
+@numba.njit(cache=True, nogil=True)
+def _hermite(first, last, nodes, value, rate, time, out):
+    """Fill rows ``first`` to ``last`` of ``out``; times mostly increase, so the node before is
+    tried first."""
+    k = 0
+    for i in range(first, last):
+        if not (nodes[k] <= time[i] < nodes[k + 1]):
+            k = min(max(np.searchsorted(nodes, time[i], side="right") - 1, 0), len(nodes) - 2)
         h = nodes[k + 1] - nodes[k]
         s = (time[i] - nodes[k]) / h
         a = 2 * s * s * s - 3 * s * s + 1

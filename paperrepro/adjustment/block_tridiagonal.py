@@ -1,73 +1,66 @@
 """Symmetric block-tridiagonal systems: solution, determinant and the blocks of the inverse.
 
 The normal equations of a trajectory's nodes couple neighbours only. Forward elimination with blocks
-``S_k = D_k - E_{k-1}' S_{k-1}^-1 E_{k-1}`` costs time in proportion to the flight; the inverse's
-diagonal blocks follow backwards (Erisman and Tinney 1975).
+``S_k = D_k - E_{k-1}' S_{k-1}^-1 E_{k-1}`` costs time in proportion to the flight; LAPACK does it
+on the band, whose Cholesky factor holds that of each ``S_k``. The inverse's diagonal blocks follow
+backwards (Erisman and Tinney 1975).
 """
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
+from scipy.linalg import cholesky_banded
 
 
 @dataclass(frozen=True)
 class Factor:
-    """Factor of the matrix with diagonal blocks (K, b, b) and blocks ``E`` (K - 1, b, b) above
-    them.
+    """Factor of a matrix of K x K blocks (b, b).
 
-    ``inverse_S`` (K, b, b) the inverses of the eliminated diagonal blocks, ``log_det`` the
-    logarithm of the determinant.
+    ``inverse_S`` (K, b, b) the inverses of the eliminated diagonal blocks, ``gain`` (K - 1, b, b)
+    ``S_k^-1 E_k``, ``log_det`` the logarithm of the determinant.
     """
 
     inverse_S: np.ndarray
-    E: np.ndarray
+    gain: np.ndarray
     log_det: float
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Solution (K, b, m) for right sides (K, b, m)."""
-        return _solve(self.inverse_S, self.E, np.ascontiguousarray(right))
+        out, back = right.copy(), self.gain.transpose(0, 2, 1).copy()
+        for k in range(1, len(out)):
+            out[k] -= back[k - 1] @ out[k - 1]
+        out = self.inverse_S @ out
+        for k in range(len(out) - 2, -1, -1):
+            out[k] -= self.gain[k] @ out[k + 1]
+        return out
 
     def inverse_diagonal(self) -> np.ndarray:
         """Diagonal blocks (K, b, b) of the inverse."""
-        return _inverse_diagonal(self.inverse_S, self.E)
+        out = self.inverse_S.copy()
+        for k in range(len(out) - 2, -1, -1):
+            out[k] += self.gain[k] @ out[k + 1] @ self.gain[k].T
+        return out
 
 
 def factorise(D: np.ndarray, E: np.ndarray) -> Factor:
-    """Factor a symmetric positive definite matrix; `numpy.linalg.LinAlgError` where it is not."""
-    inverse_S, log_det = _eliminate(np.ascontiguousarray(D), np.ascontiguousarray(E))
-    return Factor(inverse_S, np.ascontiguousarray(E), log_det)
+    """Factor the symmetric positive definite matrix with diagonal blocks ``D`` (K, b, b) and blocks
+    ``E`` (K - 1, b, b) above them; `numpy.linalg.LinAlgError` where it is not."""
+    band = cholesky_banded(_lower_band(D, E), lower=True, overwrite_ab=True, check_finite=False)
+    L = np.zeros_like(D)
+    for row, column in zip(*np.tril_indices(D.shape[1]), strict=True):
+        L[:, row, column] = band[row - column, column :: D.shape[1]]
+    inverse_L = np.linalg.inv(L)
+    inverse_S = inverse_L.transpose(0, 2, 1) @ inverse_L
+    return Factor(inverse_S, inverse_S[:-1] @ E, 2 * float(np.log(band[0]).sum()))
 
 
-@numba.njit(cache=True)
-def _eliminate(D, E):
-    inverse_S, log_det = np.empty_like(D), 0.0
-    S = D[0].copy()
-    for k in range(len(D)):
-        if k > 0:
-            S = D[k] - E[k - 1].T @ inverse_S[k - 1] @ E[k - 1]
-        log_det += 2 * np.log(np.diag(np.linalg.cholesky(S))).sum()  # raises where it cannot be
-        inverse = np.linalg.inv(S)
-        inverse_S[k] = (inverse + inverse.T) / 2
-    return inverse_S, log_det
-
-
-@numba.njit(cache=True)
-def _solve(inverse_S, E, right):
-    out = right.copy()
-    for k in range(1, len(out)):
-        out[k] -= E[k - 1].T @ (inverse_S[k - 1] @ out[k - 1])
-    last = len(out) - 1
-    out[last] = inverse_S[last] @ out[last]
-    for k in range(last - 1, -1, -1):
-        out[k] = inverse_S[k] @ (out[k] - E[k] @ out[k + 1])
-    return out
-
-
-@numba.njit(cache=True)
-def _inverse_diagonal(inverse_S, E):
-    out = inverse_S.copy()
-    for k in range(len(out) - 2, -1, -1):
-        gain = inverse_S[k] @ E[k]
-        out[k] = inverse_S[k] + gain @ out[k + 1] @ gain.T
-    return out
+def _lower_band(D: np.ndarray, E: np.ndarray) -> np.ndarray:
+    """(2 b, K b): entry (i, j) of the matrix at [i - j, j], as LAPACK has it."""
+    size = D.shape[1]
+    band = np.zeros((2 * size, len(D), size))
+    for row in range(size):
+        for column in range(size):
+            if row >= column:
+                band[row - column, :, column] = D[:, row, column]
+            band[size + row - column, :-1, column] = E[:, column, row]
+    return band.reshape(2 * size, -1)

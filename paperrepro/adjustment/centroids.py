@@ -6,12 +6,11 @@ GNSS/INS does not fall. Where the plane is taken from a reference strip, that st
 moves it, and adds.
 """
 
-import numba
 import numpy as np
 
 from paperrepro.adjustment.faces import FaceStates
 from paperrepro.adjustment.normals import Blocks, Unknowns
-from paperrepro.adjustment.sightlines import body_to_map
+from paperrepro.frames import T_NED_ENU, rotation_zyx
 from paperrepro.georeference import point_jacobians
 
 N_POSE = 6
@@ -21,30 +20,14 @@ def virtual_jacobians(
     centroids: np.ndarray, poses: np.ndarray, unknowns: Unknowns, x: np.ndarray
 ) -> np.ndarray:
     """Derivatives (F, 3, 9) of ``centroids`` (F, 3), each a ray from its mean pose (F, 6)."""
-    out = np.empty((len(centroids), 3, 9))
     R_l_b, dR_l_b, lever, _, _ = unknowns.kernel_arguments(x)
-    _virtual_jacobians(centroids, poses, R_l_b, dR_l_b, lever, out)
-    return out
-
-
-@numba.njit(cache=True)
-def _virtual_jacobians(centroids, poses, R_l_b, dR_l_b, lever, out):
-    p, J_x, obs = np.empty(3), np.empty((3, 4)), np.empty(9)
-    for k in range(len(centroids)):
-        v_b, r_l = np.empty(3), np.zeros(3)
-        sine, cosine = np.sin(poses[k, 3:]), np.cos(poses[k, 3:])
-        R = body_to_map((sine[0], cosine[0], sine[1], cosine[1], sine[2], cosine[2]))
-        for i in range(3):
-            v_b[i] = -lever[i]
-            for j in range(3):
-                v_b[i] += R[j][i] * (centroids[k, j] - poses[k, j])
-        for i in range(3):
-            for j in range(3):
-                r_l[i] += R_l_b[j, i] * v_b[j]
-        obs[:6] = poses[k]
-        obs[6] = np.sqrt(r_l[0] ** 2 + r_l[1] ** 2 + r_l[2] ** 2)
-        obs[7], obs[8] = np.arctan2(r_l[1], r_l[0]), np.arcsin(r_l[2] / obs[6])
-        point_jacobians(obs, R_l_b, dR_l_b, lever, 0.0, p, J_x, out[k])
+    R_b_m = T_NED_ENU @ rotation_zyx(*poses[:, 3:].T)
+    arm = np.einsum("fij,fi->fj", R_b_m, centroids - poses[:, :3])
+    r_l = (arm - lever) @ R_l_b
+    rho = np.linalg.norm(r_l, axis=1)
+    angles = np.arctan2(r_l[:, 1], r_l[:, 0]), np.arcsin(r_l[:, 2] / rho)
+    obs = np.column_stack([poses, rho, *angles])
+    return point_jacobians(obs, R_l_b, dR_l_b, lever, 0.0)[2]
 
 
 def centroid_variances(

@@ -11,7 +11,9 @@ import numba
 import numpy as np
 
 from paperrepro.adjustment.normals import Unknowns
-from paperrepro.adjustment.sightlines import Sightlines, axes, body_ray, body_to_map
+from paperrepro.adjustment.sightlines import Sightlines, axes, body_ray
+from paperrepro.georeference import body_to_map
+from paperrepro.kernels import over_threads
 from paperrepro.survey import Rays
 
 
@@ -42,7 +44,10 @@ def face_states(
     scatter, cross = np.zeros((n_faces, 3, 3)), np.zeros((n_faces, 3, 3, size))
     R_l_b, dR_l_b, *mounted = unknowns.kernel_arguments(x)
     turned = R_l_b, axes(R_l_b, dR_l_b), *mounted
-    _face_sums(*Sightlines.of(rays).columns(), ranges, *turned, centroid, J, scatter, cross)
+    over_threads(
+        _face_sums, n_faces, 1, *Sightlines.of(rays).columns(), ranges, *turned, centroid, J,
+        scatter, cross,
+    )  # fmt: skip
     count = ranges[:, 1] - ranges[:, 0]
     plane, J_plane = _plane_of_scatter(centroid, J, scatter, cross)
     values = np.maximum(np.linalg.eigvalsh(scatter), 0)
@@ -64,33 +69,24 @@ def _plane_of_scatter(centroid, J_centroid, scatter, cross):
     return np.column_stack([n, d]), np.concatenate([J_n, J_d[:, None]], axis=1)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True)
 def _face_sums(
-    position, turns, rho, ring, ranges, R_l_b, turn_axes, lever, offsets, ring_column,
+    first, last, position, turns, rho, ring, ranges, R_l_b, turn_axes, lever, offsets, ring_column,
     centroid, J, scatter, cross,
 ):  # fmt: skip
-    for f in numba.prange(len(ranges)):
-        _sums_of_face(
-            position, turns, rho, ring, ranges[f], R_l_b, turn_axes, lever, offsets, ring_column,
-            centroid[f], J[f], scatter[f], cross[f],
-        )  # fmt: skip
-
-
-@numba.njit(cache=True)
-def _sums_of_face(
-    position, turns, rho, ring, rows, R_l_b, turn_axes, lever, offsets, ring_column,
-    centroid, J, scatter, cross,
-):  # fmt: skip
+    """Fill the last four of faces ``first`` to ``last``."""
     q, J_x, near = np.empty(3), np.empty((3, 4)), np.zeros(3)
-    for i in range(rows[0], rows[1]):
-        r = rho[i] + offsets[ring[i]]
-        _point(position[i], turns[i], r, R_l_b, turn_axes, lever, q, J_x)
-        for a in range(3):
-            if i == rows[0]:  # sums are reckoned from a point of the face: no digits are lost
-                near[a] = q[a]
-            q[a] -= near[a]
-        _add(q, J_x, ring_column[ring[i]], centroid, J, scatter, cross)
-    _centre(rows[1] - rows[0], near, centroid, J, scatter, cross)
+    for f in range(first, last):
+        begin, end = ranges[f]
+        for i in range(begin, end):
+            r = rho[i] + offsets[ring[i]]
+            _point(position[i], turns[i], r, R_l_b, turn_axes, lever, q, J_x)
+            for a in range(3):
+                if i == begin:  # sums are reckoned from a point of the face: no digits are lost
+                    near[a] = q[a]
+                q[a] -= near[a]
+            _add(q, J_x, ring_column[ring[i]], centroid[f], J[f], scatter[f], cross[f])
+        _centre(end - begin, near, centroid[f], J[f], scatter[f], cross[f])
 
 
 @numba.njit(cache=True)

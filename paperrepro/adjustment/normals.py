@@ -17,6 +17,7 @@ import numpy as np
 from paperrepro.adjustment.sightlines import Sightlines, axes, settle
 from paperrepro.frames import boresight_matrix
 from paperrepro.georeference import boresight_derivatives
+from paperrepro.kernels import over_threads
 from paperrepro.survey import Mounting, Navigation, Rays, Scanner
 
 
@@ -116,44 +117,31 @@ def point_blocks(
     R_l_b, dR_l_b, *mounted = unknowns.kernel_arguments(x)
     turned = R_l_b, axes(R_l_b, dR_l_b), *mounted
     arguments = *Sightlines.of(rays).columns(), ranges, origin, planes, *turned, variances
-    _point_blocks(*arguments, N, t, chi2)
+    over_threads(_point_blocks, n_planes, 1, *arguments, N, t, chi2)
     lower = np.tril_indices(size, -1)
     N[:, lower[0], lower[1]] = N[:, lower[1], lower[0]]
     return Blocks(N, t, chi2, ranges[:, 1] - ranges[:, 0])
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True)
 def _point_blocks(
-    position, turns, rho, ring, ranges, origin, planes, R_l_b, turn_axes, lever, offsets,
-    ring_column, variances, N, t, chi2,
+    first, last, position, turns, rho, ring, ranges, origin, planes, R_l_b, turn_axes, lever,
+    offsets, ring_column, variances, N, t, chi2,
 ):  # fmt: skip
-    for g in numba.prange(len(planes)):
-        chi2[g] = _point_block(
-            position, turns, rho, ring, ranges[g], origin[g], planes[g], R_l_b, turn_axes, lever,
-            offsets, ring_column, variances, N[g], t[g],
-        )  # fmt: skip
-
-
-@numba.njit(cache=True)
-def _point_block(
-    position, turns, rho, ring, rows, origin, plane, R_l_b, turn_axes, lever, offsets,
-    ring_column, variances, N, t,
-):  # fmt: skip
-    """One plane: fills N and t, gives chi2. (A function of its own: what stands in a parallel loop
-    itself takes seconds to compile.)"""
-    v, b, row, chi2 = np.empty(9), np.empty(9), np.empty(8), 0.0
+    """Fill ``N``, ``t`` and ``chi2`` of planes ``first`` to ``last``."""
+    v, b, row = np.empty(9), np.empty(9), np.empty(8)
     per_ring = ring_column.max() >= 0
-    sums = np.zeros((len(ring_column) if per_ring else 1, 8, 9))
-    for i in range(rows[0], rows[1]):
-        w, s = settle(
-            position[i], turns[i], rho[i], plane, origin, R_l_b, turn_axes, lever,
-            offsets[ring[i]], variances, v, b, row,
-        )  # fmt: skip
-        _add_products(row, w, 1.0 / s, sums[ring[i] if per_ring else 0])
-        chi2 += w * w / s
-    for k in range(len(sums)):
-        _add_sums(sums[k], ring_column[k], N, t)
-    return chi2
+    for g in range(first, last):
+        sums = np.zeros((len(ring_column) if per_ring else 1, 8, 9))
+        for i in range(ranges[g, 0], ranges[g, 1]):
+            w, s = settle(
+                position[i], turns[i], rho[i], planes[g], origin[g], R_l_b, turn_axes, lever,
+                offsets[ring[i]], variances, v, b, row,
+            )  # fmt: skip
+            _add_products(row, w, 1.0 / s, sums[ring[i] if per_ring else 0])
+            chi2[g] += w * w / s
+        for k in range(len(sums)):
+            _add_sums(sums[k], ring_column[k], N[g], t[g])
 
 
 @numba.njit(cache=True)

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from paperrepro.georeference import body_to_map
+from paperrepro.kernels import over_threads
+from paperrepro.sines import sines_near, turned
 from paperrepro.survey import Rays
 
-#: Residuals of an angle up to here, rad, turn by the series of `_turned`: the first term left out
-#: is 1e-18.
-SERIES = 0.02
 #: Change of a misclosure, m, at which a point's adjusted observations are final: each step gains
 #: some five digits, so what is left is rounding.
 SETTLED = 1e-10
@@ -37,7 +37,9 @@ class Sightlines:
         if isinstance(rays, Sightlines):
             return rays
         turns = np.empty((len(rays), 10))
-        _turns(rays.pose, rays.azimuth, rays.elevation, turns)
+        over_threads(
+            _turns, len(rays), 4096, rays.pose, rays.azimuth, rays.elevation, turns
+        )
         return cls(np.ascontiguousarray(rays.pose[:, :3]), turns, rays.rho, rays.ring)
 
     def columns(self) -> tuple:
@@ -52,47 +54,25 @@ def axes(R_l_b: np.ndarray, dR_l_b: np.ndarray) -> np.ndarray:
     return np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
 
 
-@numba.njit(cache=True, parallel=True)
-def _turns(pose, azimuth, elevation, turns):
-    for i in numba.prange(len(azimuth)):
+@numba.njit(cache=True, nogil=True)
+def _turns(first, last, pose, azimuth, elevation, turns):
+    """Fill ``turns`` (N, 10), each row by the sines of the ray before."""
+    before = np.full((5, 3), np.nan)
+    for i in range(first, last):
         for k in range(3):
-            turns[i, 2 * k], turns[i, 2 * k + 1] = np.sin(pose[i, 3 + k]), np.cos(pose[i, 3 + k])
-        turns[i, 6], turns[i, 7] = np.sin(azimuth[i]), np.cos(azimuth[i])
-        turns[i, 8], turns[i, 9] = np.sin(elevation[i]), np.cos(elevation[i])
+            turns[i, 2 * k], turns[i, 2 * k + 1] = sines_near(pose[i, 3 + k], before[k])
+        turns[i, 6], turns[i, 7] = sines_near(azimuth[i], before[3])
+        turns[i, 8], turns[i, 9] = sines_near(elevation[i], before[4])
 
 
 @numba.njit(cache=True)
-def _turned(sine, cosine, by):
-    """Sine and cosine of an angle enlarged by ``by``, rad."""
-    if abs(by) > SERIES:
-        s, c = np.sin(by), np.cos(by)
-    else:
-        q = by * by
-        s = by * (1.0 - q / 6.0 * (1.0 - q / 20.0 * (1.0 - q / 42.0)))
-        c = 1.0 - q / 2.0 * (1.0 - q / 12.0 * (1.0 - q / 30.0))
-    return sine * c + cosine * s, cosine * c - sine * s
-
-
-@numba.njit(cache=True)
-def moved(position, turns, by, there, turned):
-    """A ray whose pose is off ``by`` (6,), m and rad, into ``there`` (3,) and ``turned`` (10,)."""
+def moved(position, turns, by, there, then):
+    """A ray whose pose is off ``by`` (6,), m and rad, into ``there`` (3,) and ``then`` (10,)."""
     for k in range(3):
         there[k] = position[k] + by[k]
-        turned[2 * k], turned[2 * k + 1] = _turned(turns[2 * k], turns[2 * k + 1], by[3 + k])
+        then[2 * k], then[2 * k + 1] = turned(turns[2 * k], turns[2 * k + 1], by[3 + k])
     for k in range(6, 10):
-        turned[k] = turns[k]
-
-
-@numba.njit(cache=True)
-def body_to_map(turns):
-    """``R_b_m`` by rows, as `georeference` has it; ``turns`` as in `Sightlines`, without the ray's
-    own angles or with them."""
-    sr, cr, sp, cp, sh, ch = turns[0], turns[1], turns[2], turns[3], turns[4], turns[5]
-    return (
-        (sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr),
-        (ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr),
-        (sp, -cp * sr, -cp * cr),
-    )
+        then[k] = turns[k]
 
 
 @numba.njit(cache=True)
@@ -146,11 +126,11 @@ def settle(
 @numba.njit(cache=True)
 def _linearise(position, angles, r, plane, origin, R_l_b, turn_axes, lever, v, b, row):
     """Value of Eq. (4) at the observations plus ``v``; fills ``b`` and ``row``."""
-    sr, cr = _turned(angles[0], angles[1], v[3])
-    sp, cp = _turned(angles[2], angles[3], v[4])
-    sh, ch = _turned(angles[4], angles[5], v[5])
-    sa, ca = _turned(angles[6], angles[7], v[7])
-    sb, cb = _turned(angles[8], angles[9], v[8])
+    sr, cr = turned(angles[0], angles[1], v[3])
+    sp, cp = turned(angles[2], angles[3], v[4])
+    sh, ch = turned(angles[4], angles[5], v[5])
+    sa, ca = turned(angles[6], angles[7], v[7])
+    sb, cb = turned(angles[8], angles[9], v[8])
     r += v[6]
     turns = (sr, cr, sp, cp, sh, ch, sa, ca, sb, cb)
     R = body_to_map(turns)

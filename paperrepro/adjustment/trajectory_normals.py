@@ -14,7 +14,9 @@ from paperrepro.adjustment.gauss_markov import Nodes
 from paperrepro.adjustment.lever_arm import LeverArmUnknowns
 from paperrepro.adjustment.matched import MatchedFaces
 from paperrepro.adjustment.normals import Unknowns
-from paperrepro.adjustment.sightlines import Sightlines, axes, body_to_map, moved, settle
+from paperrepro.adjustment.sightlines import Sightlines, axes, moved, settle
+from paperrepro.georeference import body_to_map
+from paperrepro.kernels import over_threads
 
 N_NODES = 12  # two nodes of six components
 N_PLANE = 4
@@ -78,8 +80,8 @@ def cell_blocks(
     n_cells = len(cells.ranges)
     N, t, chi2 = np.zeros((n_cells, size, size)), np.zeros((n_cells, size)), np.zeros(n_cells)
     R_l_b, dR_l_b, *mounted = unknowns.kernel_arguments(x)
-    _cell_blocks(
-        *cells.sight.columns(), cells.share, cells.ranges, cells.node, origin[cells.plane],
+    over_threads(
+        _cell_blocks, n_cells, 8, *cells.sight.columns(), cells.share, cells.ranges, cells.node, origin[cells.plane],
         planes[cells.plane], weight[cells.face], error, R_l_b, axes(R_l_b, dR_l_b), *mounted,
         variances, 3 if isinstance(unknowns, LeverArmUnknowns) else 0, N, t, chi2,
     )  # fmt: skip
@@ -88,15 +90,16 @@ def cell_blocks(
     return CellBlocks(N, t, chi2)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True)
 def _cell_blocks(
-    position, turns, rho, ring, share, ranges, node, origin, planes, weight, error,
+    first, last, position, turns, rho, ring, share, ranges, node, origin, planes, weight, error,
     R_l_b, turn_axes, lever, offsets, ring_column, variances, n_lever, N, t, chi2,
 ):  # fmt: skip
-    for c in numba.prange(len(ranges)):
-        v, b, seen, e = np.empty(9), np.empty(9), np.empty(8), np.empty(6)
-        there, turned = np.empty(3), np.empty(10)
-        row, where = np.empty(20 + n_lever), np.empty(20 + n_lever, np.int64)
+    """Fill ``N``, ``t`` and ``chi2`` of cells ``first`` to ``last``."""
+    v, b, seen, e = np.empty(9), np.empty(9), np.empty(8), np.empty(6)
+    there, turned = np.empty(3), np.empty(10)
+    row, where = np.empty(20 + n_lever), np.empty(20 + n_lever, np.int64)
+    for c in range(first, last):
         before, after, n_x = error[node[c]], error[node[c] + 1], t.shape[1] - 16
         for i in range(ranges[c, 0], ranges[c, 1]):
             for m in range(6):

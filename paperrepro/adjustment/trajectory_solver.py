@@ -193,7 +193,8 @@ def eliminate(
     t_t[:-1] += beside * state.error[1:]
     t_t[1:] += beside * state.error[:-1]
     factor = factorise(D, E)
-    coupling, alone = factor.solve(data.N_ty), factor.solve(t_t[:, :, None])[:, :, 0]
+    solved = factor.solve(np.concatenate([data.N_ty, t_t[:, :, None]], axis=2))
+    coupling, alone = solved[:, :, :-1], solved[:, :, -1]
     u, N_ty = len(state.x), data.N_ty.reshape(t_t.size, -1)
     S = data.N_yy - N_ty.T @ coupling.reshape(N_ty.shape)
     t_y = data.t_y.copy()

@@ -11,13 +11,12 @@ Radians and metres. PROJ does the geodesy; the datum is the strips' own (``Grid.
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba
 import numpy as np
 import pyproj
 from pyproj.exceptions import CRSError, ProjError
 
 from paperrepro.errors import BadInput
-from paperrepro.frames import rotation_zyx
+from paperrepro.frames import T_NED_ENU, rotation_zyx
 
 
 @dataclass(frozen=True)
@@ -56,35 +55,21 @@ class LocalFrame:
     def attitude_from_level(self, latitude, longitude, attitude) -> np.ndarray:
         """Attitudes (N, 3) rad against the m-frame, of attitudes against the local level and true
         north at ``latitude``, ``longitude`` (N,) rad. Roll, pitch, heading both."""
-        out = np.empty((len(attitude), 3))
-        level = np.column_stack([latitude, longitude])
-        _turn_attitudes(level, np.asarray(attitude, float), _level_axes(*self._origin), out)
-        return out
+        turn = _level_axes(self.latitude, self.longitude) @ np.swapaxes(
+            _level_axes(np.asarray(latitude), np.asarray(longitude)), -1, -2
+        )  # level at the pose to m
+        R = turn @ T_NED_ENU @ rotation_zyx(*np.asarray(attitude, float).T)
+        roll = np.arctan2(-R[:, 2, 1], -R[:, 2, 2])
+        pitch = np.arctan2(R[:, 2, 0], np.hypot(R[:, 2, 1], R[:, 2, 2]))
+        return np.column_stack([roll, pitch, np.arctan2(R[:, 0, 0], R[:, 1, 0])])
 
-    @property
-    def _origin(self) -> tuple[float, float]:
-        return float(self.latitude), float(self.longitude)
 
-
-@numba.njit(cache=True)
-def _level_axes(latitude: float, longitude: float) -> np.ndarray:
-    """Earth-fixed east, north and up at a place, the rows of a (3, 3) array."""
+def _level_axes(latitude, longitude) -> np.ndarray:
+    """Earth-fixed east, north and up at places (...,) rad, the rows of (..., 3, 3)."""
     sp, cp = np.sin(latitude), np.cos(latitude)
     sl, cl = np.sin(longitude), np.cos(longitude)
-    return np.array([[-sl, cl, 0.0], [-sp * cl, -sp * sl, cp], [cp * cl, cp * sl, sp]])
-
-
-@numba.njit(cache=True, parallel=True)
-def _turn_attitudes(level, attitude, origin, out):
-    for i in numba.prange(len(attitude)):
-        turn = origin @ _level_axes(level[i, 0], level[i, 1]).T  # level at the pose to m
-        ned = rotation_zyx(attitude[i, 0], attitude[i, 1], attitude[i, 2])
-        enu = np.empty((3, 3))
-        enu[0], enu[1], enu[2] = ned[1], ned[0], -ned[2]
-        R_b_m = turn @ enu
-        out[i, 0] = np.arctan2(-R_b_m[2, 1], -R_b_m[2, 2])
-        out[i, 1] = np.arctan2(R_b_m[2, 0], np.hypot(R_b_m[2, 1], R_b_m[2, 2]))
-        out[i, 2] = np.arctan2(R_b_m[0, 0], R_b_m[1, 0])
+    rows = [[-sl, cl, np.zeros_like(sl)], [-sp * cl, -sp * sl, cp], [cp * cl, cp * sl, sp]]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
 class Grid:

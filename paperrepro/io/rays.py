@@ -12,7 +12,9 @@ from itertools import pairwise
 import numba
 import numpy as np
 
-from paperrepro.frames import rotation_zyx
+from paperrepro.georeference import body_to_map
+from paperrepro.kernels import over_threads
+from paperrepro.sines import sines_near
 from paperrepro.survey import Mounting, Trajectory
 
 #: Elevations that scatter less than this, beyond the resolution of the coordinates, fit.
@@ -51,19 +53,23 @@ def laser_rays(
     """Azimuth, elevation rad and range m, (N,) each, of points (N, 3) m seen from ``pose`` (N, 6)
     under ``mounting``: Eq. (1) and (2) backwards, without range offsets."""
     out = np.empty((3, len(p_m)))
-    R_b_l = np.ascontiguousarray(mounting.R_l_b.T)
-    _laser_rays(pose, np.ascontiguousarray(p_m), R_b_l, np.asarray(mounting.lever_arm, float), out)
+    R_b_l, lever = np.ascontiguousarray(mounting.R_l_b.T), np.asarray(mounting.lever_arm, float)
+    over_threads(_laser_rays, len(p_m), 4096, pose, np.ascontiguousarray(p_m), R_b_l, lever, out)
     return out[0], out[1], out[2]
 
 
-@numba.njit(cache=True, parallel=True)
-def _laser_rays(pose, p_m, R_b_l, lever, out):
-    for i in numba.prange(len(p_m)):
+@numba.njit(cache=True, nogil=True)
+def _laser_rays(first, last, pose, p_m, R_b_l, lever, out):
+    before = np.full((3, 3), np.nan)
+    for i in range(first, last):
         east, north, up = p_m[i, 0] - pose[i, 0], p_m[i, 1] - pose[i, 1], p_m[i, 2] - pose[i, 2]
-        R_b_n = rotation_zyx(pose[i, 3], pose[i, 4], pose[i, 5])
-        x = R_b_n[0, 0] * north + R_b_n[1, 0] * east - R_b_n[2, 0] * up - lever[0]
-        y = R_b_n[0, 1] * north + R_b_n[1, 1] * east - R_b_n[2, 1] * up - lever[1]
-        z = R_b_n[0, 2] * north + R_b_n[1, 2] * east - R_b_n[2, 2] * up - lever[2]
+        sr, cr = sines_near(pose[i, 3], before[0])
+        sp, cp = sines_near(pose[i, 4], before[1])
+        sh, ch = sines_near(pose[i, 5], before[2])
+        R = body_to_map((sr, cr, sp, cp, sh, ch))
+        x = R[0][0] * east + R[1][0] * north + R[2][0] * up - lever[0]
+        y = R[0][1] * east + R[1][1] * north + R[2][1] * up - lever[1]
+        z = R[0][2] * east + R[1][2] * north + R[2][2] * up - lever[2]
         l_x = R_b_l[0, 0] * x + R_b_l[0, 1] * y + R_b_l[0, 2] * z
         l_y = R_b_l[1, 0] * x + R_b_l[1, 1] * y + R_b_l[1, 2] * z
         l_z = R_b_l[2, 0] * x + R_b_l[2, 1] * y + R_b_l[2, 2] * z

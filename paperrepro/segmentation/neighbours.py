@@ -10,11 +10,13 @@ import numba
 import numpy as np
 from scipy.spatial import cKDTree
 
+from paperrepro.kernels import over_threads
+
 #: Points in a cell, on average as a point sees it; so many make the search fastest.
 OCCUPANCY = 3.0
 #: More points in a cell than this, as a point sees it: columns or heaps, a case for the tree.
 MOST_OCCUPANCY = 60.0
-#: Points that one thread takes at a time.
+#: Points that the tree is asked for at a time.
 CHUNK = 20_000
 #: A search reaches so much farther than the point before had to, and when that is not far enough,
 #: so much farther again.
@@ -31,7 +33,7 @@ def mean_neighbour_distance(p_m: np.ndarray, k: int) -> np.ndarray:
     low, cell, shape = grid
     out = np.empty(len(p_m))
     start, order, q = _sorted_by_cell(p_m, low, cell, shape)
-    _by_grid(q, k, low, cell, shape, start, order, out)
+    over_threads(_by_grid, len(out), 4096, q, k, low, cell, shape, start, order, out)
     return out
 
 
@@ -108,19 +110,13 @@ def _sorted_by_cell(p_m, low, cell, shape):
     return start, order, q
 
 
-@numba.njit(cache=True, parallel=True)
-def _by_grid(q, k, low, cell, shape, start, order, out):
-    """Fill ``out`` for points ``q`` sorted by cell, in the order of measurement."""
-    for chunk in numba.prange((q.shape[1] + CHUNK - 1) // CHUNK):
-        _of_chunk(chunk, q, k, low, cell, shape, start, order, out)
-
-
-@numba.njit(cache=True)
-def _of_chunk(chunk, q, k, low, cell, shape, start, order, out):
-    """A function of its own: what stands in a parallel loop itself takes seconds to compile."""
+@numba.njit(cache=True, nogil=True)
+def _by_grid(first, last, q, k, low, cell, shape, start, order, out):
+    """Fill ``out``, in the order of measurement, for points ``first`` to ``last`` of ``q``, which
+    are sorted by cell."""
     found, nearest = np.empty(max(ROOM, 2 * k)), np.empty(k + 1)
     reach = cell
-    for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, q.shape[1])):
+    for i in range(first, last):
         count = 0
         while count <= k:  # the point itself is among them
             count = _within(q, i, reach, low, cell, shape, start, found, nearest)

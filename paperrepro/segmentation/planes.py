@@ -7,6 +7,7 @@ import numba
 import numpy as np
 from scipy.spatial import cKDTree
 
+from paperrepro.kernels import over_threads
 from paperrepro.segmentation.eigen import least_eigenpair
 
 
@@ -98,15 +99,15 @@ def neighbourhood(p_m: np.ndarray, k: int, reach_m: float) -> Neighbourhood:
     _, index = tree.query(p_m, k=np.arange(1, count + 1), distance_upper_bound=reach_m, workers=-1)
     index = np.where(index < len(p_m), index, -1)
     normal, residual = np.empty((len(p_m), 3)), np.empty(len(p_m))
-    _local_planes(p_m, index, normal, residual)
+    over_threads(_local_planes, len(index), 4096, p_m, index, normal, residual)
     return Neighbourhood(index[:, 1:], normal, residual)
 
 
-@numba.njit(cache=True, parallel=True)
-def _local_planes(p_m, index, normal, residual):
+@numba.njit(cache=True, nogil=True)
+def _local_planes(first, last, p_m, index, normal, residual):
     """Fill ``normal`` (V, 3) and ``residual`` (V,) of the planes of each point's neighbours, -1 for
     none."""
-    for v in numba.prange(len(index)):
+    for v in range(first, last):
         residual[v] = _local_plane(p_m, index[v], normal[v])
 
 

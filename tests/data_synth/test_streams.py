@@ -2,11 +2,11 @@
 
 from dataclasses import fields
 
-import numba
 import numpy as np
 import pytest
 
 from data_synth import make_config, simulate
+from paperrepro import kernels
 
 
 def same_strips(a, b) -> bool:
@@ -26,16 +26,9 @@ def same_faces(a, b) -> bool:
     )
 
 
-@pytest.fixture
-def one_thread():
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(before)
-
-
-@pytest.mark.usefixtures("one_thread")
-def test_same_seed_same_bits_on_any_number_of_threads(noisy):
+@pytest.mark.parametrize("threads", [1, 2])
+def test_same_seed_same_bits_on_any_number_of_threads(noisy, threads, monkeypatch):
+    monkeypatch.setattr(kernels, "threads", lambda: threads)
     survey, truth = simulate(make_config())
     assert same_strips(survey, noisy[0])
     assert same_faces(truth, noisy[1])

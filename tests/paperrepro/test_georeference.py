@@ -51,10 +51,8 @@ def observations_of(rays):
 
 
 def jacobians(observations, boresight=BORESIGHT, offset=0.02):
-    p, J_x, J_l = np.empty(3), np.empty((3, 4)), np.empty((3, 9))
     R_l_b, dR_l_b = boresight_matrix(boresight), boresight_derivatives(boresight, R_NOMINAL)
-    point_jacobians(observations, R_l_b, dR_l_b, LEVER, offset, p, J_x, J_l)
-    return p, J_x, J_l
+    return [a[0] for a in point_jacobians(observations[None], R_l_b, dR_l_b, LEVER, offset)]
 
 
 def test_points_equal_an_independent_composition():

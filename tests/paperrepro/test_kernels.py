@@ -1,14 +1,15 @@
-"""A change in any kernel's source reaches every compiled kernel."""
+"""A change in any kernel's source reaches every compiled kernel; threads share the items."""
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import paperrepro
 from data_synth import raycast
-from paperrepro import georeference
+from paperrepro import georeference, kernels
 from paperrepro.adjustment import normals
-from paperrepro.kernels import source_key
+from paperrepro.kernels import TASKS, over_threads, source_key
 
 PACKAGE = Path(paperrepro.__file__).parent
 
@@ -46,3 +47,30 @@ def test_a_source_without_kernels_does_not_matter(package):
 )
 def test_compiled_kernels_lie_in_the_folder_of_the_key(kernel):
     assert f"kernels-{source_key(PACKAGE)}" in Path(kernel.stats.cache_path).parts
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize(("count", "least"), [(0, 1), (1, 1), (5, 10), (16, 1), (1000, 7)])
+def test_every_item_is_worked_on_once(count, least, threads, monkeypatch):
+    monkeypatch.setattr(kernels, "threads", lambda: threads)
+    seen, tasks = np.zeros(count, int), []
+
+    def kernel(first, last, seen):
+        tasks.append(last - first)
+        seen[first:last] += 1
+
+    over_threads(kernel, count, least, seen)
+    assert (seen == 1).all()
+    assert len(tasks) <= TASKS
+    assert sum(size < least for size in tasks) <= 1  # the last one
+
+
+def test_an_error_of_a_thread_is_raised(monkeypatch):
+    monkeypatch.setattr(kernels, "threads", lambda: 2)
+
+    def kernel(first, last):
+        if first > 0:
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        over_threads(kernel, 10, 1)

@@ -1,13 +1,12 @@
 """SL, A, B, C: recovery of known boresights, honest covariance, and refusals with a reason."""
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from paperrepro import kernels
 from paperrepro.adjustment.scenarios import SCENARIOS, Scenario, calibrate
 from paperrepro.errors import BadInput, RankDefect, TooFewPlanes
 from tests.paperrepro.labelled import (
@@ -226,29 +225,16 @@ def test_the_same_input_gives_the_same_bits(scenario):
     assert (one.sigma0, one.iterations) == (other.sigma0, other.iterations)
 
 
-THREADS = """
-import numba, numpy as np
-from paperrepro.adjustment.scenarios import calibrate
-from tests.paperrepro.labelled import matched_faces, survey_of, with_noise
-matched = with_noise(matched_faces(count=40)[0], np.random.default_rng(2))
-for scenario in ("SL", "A", "B", "C"):
+@pytest.mark.parametrize("scenario", ["SL", "A", "B", "C"])
+def test_one_thread_or_two_give_the_same(scenario, monkeypatch):
+    matched = with_noise(matched_faces(count=40)[0], np.random.default_rng(2))
     found = []
     for threads in (1, 2):
-        numba.set_num_threads(threads)
+        monkeypatch.setattr(kernels, "threads", lambda threads=threads: threads)
         result = calibrate(survey_of(), matched, scenario)
-        found.append(np.append(result.boresight, np.sqrt(np.diag(result.covariance))))
-    np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-9)
-print("same")
-"""
-
-
-def test_one_thread_or_two_give_the_same(pytestconfig, monkeypatch):
-    """In a process of its own: this one may have been started with a single thread."""
-    monkeypatch.setenv("NUMBA_NUM_THREADS", "2")
-    run = subprocess.run(
-        [sys.executable, "-c", THREADS], cwd=pytestconfig.rootpath, capture_output=True, text=True
-    )
-    assert run.stdout.strip() == "same", run.stderr
+        found.append((result.boresight, result.covariance))
+    np.testing.assert_array_equal(found[0][0], found[1][0])
+    np.testing.assert_array_equal(found[0][1], found[1][1])
 
 
 # --- refusals ------------------------------------------------------------------------------------
