@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from paperrepro.adjustment.sightlines import Sightlines, axes, settle
+from paperrepro.adjustment.sightlines import Sightlines, axes, ray, settle
 from paperrepro.frames import boresight_matrix
 from paperrepro.georeference import boresight_derivatives
 from paperrepro.kernels import over_threads
@@ -133,25 +133,28 @@ def _point_blocks(
     per_ring = ring_column.max() >= 0
     for g in range(first, last):
         sums = np.zeros((len(ring_column) if per_ring else 1, 8, 9))
+        plane, near = planes[g], origin[g]
         for i in range(ranges[g, 0], ranges[g, 1]):
+            there, then = ray(position, turns, i)
             w, s = settle(
-                position[i], turns[i], rho[i], planes[g], origin[g], R_l_b, turn_axes, lever,
-                offsets[ring[i]], variances, v, b, row,
+                there, then, rho[i], plane, near, R_l_b, turn_axes, lever, offsets[ring[i]],
+                variances, v, b, row,
             )  # fmt: skip
-            _add_products(row, w, 1.0 / s, sums[ring[i] if per_ring else 0])
+            _add_products(row, w, 1.0 / s, sums, ring[i] if per_ring else 0)
             chi2[g] += w * w / s
         for k in range(len(sums)):
             _add_sums(sums[k], ring_column[k], N[g], t[g])
 
 
 @numba.njit(cache=True)
-def _add_products(row, w, weight, sums):
-    """Add a condition to the ``sums`` (8, 9) of its ring: products of ``row`` and, last, with w."""
+def _add_products(row, w, weight, sums, ring):
+    """Add a condition to the ``sums`` (rings, 8, 9) of its ring: products of ``row`` and, last,
+    with w."""
     for k in range(8):
         scaled = weight * row[k]
         for m in range(k, 8):
-            sums[k, m] += scaled * row[m]
-        sums[k, 8] += scaled * w
+            sums[ring, k, m] += scaled * row[m]
+        sums[ring, k, 8] += scaled * w
 
 
 @numba.njit(cache=True)
