@@ -17,8 +17,9 @@ from paperrepro.sines import sines_near, turned
 from paperrepro.survey import Rays
 
 #: Change of a misclosure, m, at which a point's adjusted observations are final: each step gains
-#: some five digits, so what is left is rounding.
-SETTLED = 1e-10
+#: some five digits, so what is left is rounding. While the unknowns still move, by more than
+#: `NEARLY` rad or m, `SETTLING` does: what it leaves out moves them by less than 1e-9.
+SETTLED, SETTLING, NEARLY = 1e-10, 1e-4, 1e-6
 
 
 @dataclass(frozen=True)
@@ -37,9 +38,7 @@ class Sightlines:
         if isinstance(rays, Sightlines):
             return rays
         turns = np.empty((len(rays), 10))
-        over_threads(
-            _turns, len(rays), 4096, rays.pose, rays.azimuth, rays.elevation, turns
-        )
+        over_threads(_turns, len(rays), 4096, rays.pose, rays.azimuth, rays.elevation, turns)
         return cls(np.ascontiguousarray(rays.pose[:, :3]), turns, rays.rho, rays.ring)
 
     def columns(self) -> tuple:
@@ -109,12 +108,14 @@ def body_ray(turns, r, R_l_b):
 
 @numba.njit(cache=True)
 def settle(
-    position, turns, rho, plane, origin, R_l_b, turn_axes, lever, offset, variances, v, b, row
-):
+    position, turns, rho, plane, origin, R_l_b, turn_axes, lever, offset, variances, settled, v, b,
+    row,
+):  # fmt: skip
     """Misclosure ``w = f(l + v) - B v`` and ``s = B Q B'`` at the adjusted observations.
 
-    One `ray` against ``plane`` (4,), d from ``origin`` (3,). Leaves the residuals in ``v`` (9,), B in
-    ``b`` (9,), and in ``row`` (8,) the row of A: three angles, the ring's offset, n and d.
+    One `ray` against ``plane`` (4,), d from ``origin`` (3,); its observations are final where ``w``
+    changes by less than ``settled`` m. Leaves the residuals in ``v`` (9,), B in ``b`` (9,), and in
+    ``row`` (8,) the row of A: three angles, the ring's offset, n and d.
     """
     v[:] = 0.0
     w = _linearise(position, turns, rho + offset, plane, origin, R_l_b, turn_axes, lever, v, b,
@@ -136,7 +137,7 @@ def settle(
         for m in range(9):
             w -= b[m] * v[m]
         s = _variance(b, variances)
-        if abs(w - before) < SETTLED:
+        if abs(w - before) < settled:
             break
     return w, s
 
