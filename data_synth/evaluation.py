@@ -113,8 +113,11 @@ def trajectory_error(survey: Survey, truth: Truth) -> np.ndarray:
 
 def overlap_of_points(p_m: np.ndarray, q_m: np.ndarray, cell_m: float = 2.0) -> float:
     """Share, 0-1, of the cells with points of p_m (N, 3) that hold points of q_m (M, 3) too."""
-    ours, theirs = (
-        {tuple(cell) for cell in np.unique(np.floor(points[:, :2] / cell_m).astype(int), axis=0)}
-        for points in (p_m, q_m)
+    cells = [np.floor(points[:, :2] / cell_m).astype(np.int64) for points in (p_m, q_m)]
+    low, high = (
+        bound([bound(cell, axis=0) for cell in cells], axis=0) for bound in (np.min, np.max)
     )
-    return len(ours & theirs) / len(ours)
+    ours, theirs = (np.zeros(high - low + 1, dtype=bool) for _ in cells)
+    for occupied, cell in zip((ours, theirs), cells, strict=True):
+        occupied[tuple((cell - low).T)] = True
+    return np.count_nonzero(ours & theirs) / np.count_nonzero(ours)

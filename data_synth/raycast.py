@@ -83,12 +83,12 @@ def aim(pose, azimuth, elevation, mounting: Mounting) -> tuple[np.ndarray, np.nd
 def _aim(first, last, pose, azimuth, elevation, R_l_b, lever, origin, direction):
     before = np.full((5, 3), np.nan)
     for i in range(first, last):
-        sb, cb = sines_near(elevation[i], before[4])
-        sa, ca = sines_near(azimuth[i], before[3])
+        sb, cb = sines_near(elevation[i], before, 4)
+        sa, ca = sines_near(azimuth[i], before, 3)
         l_x, l_y, l_z = cb * ca, cb * sa, sb
-        sr, cr = sines_near(pose[i, 3], before[0])
-        sp, cp = sines_near(pose[i, 4], before[1])
-        sh, ch = sines_near(pose[i, 5], before[2])
+        sr, cr = sines_near(pose[i, 3], before, 0)
+        sp, cp = sines_near(pose[i, 4], before, 1)
+        sh, ch = sines_near(pose[i, 5], before, 2)
         forward = (sh * cp, ch * cp, sp)
         level = (ch, -sh, 0.0)  # right wing before rolling
         below = (sh * sp, ch * sp, -cp)  # forward x level

@@ -25,11 +25,12 @@ def turned(sine, cosine, by):
 
 
 @numba.njit(cache=True)
-def sines_near(angle, known):
-    """Sine and cosine of ``angle``, rad, from those ``known`` of one before: (angle, sine, cosine),
-    which is renewed where it is too far away, and to begin with holds NaN."""
-    by = angle - known[0]
+def sines_near(angle, known, k):
+    """Sine and cosine of ``angle``, rad, from those of one before, row ``k`` of ``known`` (K, 3):
+    angle, sine, cosine. The row is renewed where it is too far away, and to begin with holds
+    NaN."""
+    by = angle - known[k, 0]
     if abs(by) <= SERIES:
-        return turned(known[1], known[2], by)
-    known[0], known[1], known[2] = angle, np.sin(angle), np.cos(angle)
-    return known[1], known[2]
+        return turned(known[k, 1], known[k, 2], by)
+    known[k, 0], known[k, 1], known[k, 2] = angle, np.sin(angle), np.cos(angle)
+    return known[k, 1], known[k, 2]

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 from paperrepro.adjustment.normals import Unknowns
-from paperrepro.adjustment.sightlines import Sightlines, axes, body_ray
+from paperrepro.adjustment.sightlines import Sightlines, axes, body_ray, ray
 from paperrepro.georeference import body_to_map
 from paperrepro.kernels import over_threads
 from paperrepro.survey import Rays
@@ -77,16 +77,18 @@ def _face_sums(
     """Fill the last four of faces ``first`` to ``last``."""
     q, J_x, near = np.empty(3), np.empty((3, 4)), np.zeros(3)
     for f in range(first, last):
-        begin, end = ranges[f]
+        begin, end = ranges[f, 0], ranges[f, 1]
+        of_f = centroid[f], J[f], scatter[f], cross[f]
         for i in range(begin, end):
             r = rho[i] + offsets[ring[i]]
-            _point(position[i], turns[i], r, R_l_b, turn_axes, lever, q, J_x)
+            there, then = ray(position, turns, i)
+            _point(there, then, r, R_l_b, turn_axes, lever, q, J_x)
             for a in range(3):
                 if i == begin:  # sums are reckoned from a point of the face: no digits are lost
                     near[a] = q[a]
                 q[a] -= near[a]
-            _add(q, J_x, ring_column[ring[i]], centroid[f], J[f], scatter[f], cross[f])
-        _centre(end - begin, near, centroid[f], J[f], scatter[f], cross[f])
+            _add(q, J_x, ring_column[ring[i]], *of_f)
+        _centre(end - begin, near, *of_f)
 
 
 @numba.njit(cache=True)
@@ -101,9 +103,9 @@ def _point(position, turns, r, R_l_b, turn_axes, lever, p, J_x):
         )
         J_x[j, 3] = R[j][0] * k_x + R[j][1] * k_y + R[j][2] * k_z
     for k in range(3):
-        along = turn_axes[k]
-        a, b = along[1] * z - along[2] * y, along[2] * x - along[0] * z
-        c = along[0] * y - along[1] * x
+        a = turn_axes[k, 1] * z - turn_axes[k, 2] * y
+        b = turn_axes[k, 2] * x - turn_axes[k, 0] * z
+        c = turn_axes[k, 0] * y - turn_axes[k, 1] * x
         for j in range(3):
             J_x[j, k] = R[j][0] * a + R[j][1] * b + R[j][2] * c
 

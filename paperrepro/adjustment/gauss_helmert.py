@@ -14,11 +14,12 @@ import numpy as np
 
 from paperrepro.adjustment.normals import Blocks
 from paperrepro.adjustment.observability import Observability, no_convergence, require_determined
+from paperrepro.adjustment.sightlines import NEARLY, SETTLED, SETTLING
 from paperrepro.errors import RankDefect, TooFewPlanes
 
 MAX_ITERATIONS = 50
 #: Largest correction, rad and m, at which the iterations end.
-TOLERANCE = 1e-10
+TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -63,36 +64,37 @@ class Pseudo:
 
 
 def solve_free(
-    blocks: Callable[[np.ndarray, np.ndarray], Blocks],
+    blocks: Callable[[np.ndarray, np.ndarray, float], Blocks],
     x: np.ndarray,
     planes: np.ndarray,
     pseudo: Pseudo,
 ) -> Solution:
-    """Adjust ``x`` (u,) together with unit-norm ``planes`` (G, 4); ``blocks(x, planes)``.
+    """Adjust ``x`` (u,) together with unit-norm ``planes`` (G, 4); ``blocks(x, planes, settled)``.
 
     Raises `NoConvergence`, `RankDefect`.
     """
+    settled = SETTLING
     for iteration in range(1, MAX_ITERATIONS + 1):  # noqa: B007
-        condition = blocks(x, planes)
+        condition = blocks(x, planes, settled)
         inverse = _bordered_inverse(condition, planes)
         data = _schur(condition, inverse, planes)
         dx = _correction(data, pseudo, x)
         d_planes = _back_substitute(condition, inverse, planes, dx)
         x, planes = x + dx, planes + d_planes
-        if max(np.abs(dx).max(), np.abs(d_planes).max()) < TOLERANCE:
+        change = max(np.abs(dx).max(), np.abs(d_planes).max())
+        if change < TOLERANCE and settled == SETTLED:
             break
+        if change < NEARLY:
+            settled = SETTLED
     else:
         raise _no_convergence(data, pseudo, dx)
-    condition = blocks(x, planes)
-    inverse = _bordered_inverse(condition, planes)
-    data = _schur(condition, inverse, planes)
     Q = np.linalg.inv(data.S + pseudo.normals(x).S)
     Q_planes = _plane_cofactors(condition, inverse, Q)
     return _solution(x, planes, Q, Q_planes, data.S, condition, pseudo, iteration, 3 * len(planes))
 
 
 def solve_reference(
-    blocks: Callable[[np.ndarray, np.ndarray], Blocks],
+    blocks: Callable[[np.ndarray, np.ndarray, float], Blocks],
     plane_states: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     x: np.ndarray,
     pseudo: Pseudo,
@@ -102,18 +104,20 @@ def solve_reference(
     ``plane_states(x)`` gives planes (G, 4) and their derivatives (G, 4, u).
     Raises `NoConvergence`, `RankDefect`.
     """
+    settled = SETTLING
     for iteration in range(1, MAX_ITERATIONS + 1):  # noqa: B007
         planes, J = plane_states(x)
-        data = _fold(blocks(x, planes), J)
+        condition = blocks(x, planes, settled)
+        data = _fold(condition, J)
         dx = _correction(data, pseudo, x)
         x = x + dx
-        if np.abs(dx).max() < TOLERANCE:
+        change = np.abs(dx).max()
+        if change < TOLERANCE and settled == SETTLED:
             break
+        if change < NEARLY:
+            settled = SETTLED
     else:
         raise _no_convergence(data, pseudo, dx)
-    planes, J = plane_states(x)
-    condition = blocks(x, planes)
-    data = _fold(condition, J)
     Q = np.linalg.inv(data.S + pseudo.normals(x).S)
     return _solution(x, planes, Q, None, data.S, condition, pseudo, iteration, 0)
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from paperrepro.adjustment.sightlines import Sightlines, axes, settle
+from paperrepro.adjustment.sightlines import SETTLED, Sightlines, axes, ray, settle
 from paperrepro.frames import boresight_matrix
 from paperrepro.georeference import boresight_derivatives
 from paperrepro.kernels import over_threads
@@ -107,16 +107,18 @@ def point_blocks(
     unknowns: Unknowns,
     x: np.ndarray,
     variances: np.ndarray,
+    settled: float = SETTLED,
 ) -> Blocks:
     """Blocks of Eq. (4) for points ``ranges[g, 0]:ranges[g, 1]`` on plane ``g``.
 
-    ``planes`` (G, 4) holds (n, d) with d reckoned from ``origin`` (G, 3), ``variances`` (9,).
+    ``planes`` (G, 4) holds (n, d) with d reckoned from ``origin`` (G, 3), ``variances`` (9,);
+    ``settled`` m as `sightlines.settle` has it.
     """
     n_planes, size = len(planes), unknowns.size + 4
     N, t, chi2 = np.zeros((n_planes, size, size)), np.zeros((n_planes, size)), np.zeros(n_planes)
     R_l_b, dR_l_b, *mounted = unknowns.kernel_arguments(x)
     turned = R_l_b, axes(R_l_b, dR_l_b), *mounted
-    arguments = *Sightlines.of(rays).columns(), ranges, origin, planes, *turned, variances
+    arguments = *Sightlines.of(rays).columns(), ranges, origin, planes, *turned, variances, settled
     over_threads(_point_blocks, n_planes, 1, *arguments, N, t, chi2)
     lower = np.tril_indices(size, -1)
     N[:, lower[0], lower[1]] = N[:, lower[1], lower[0]]
@@ -126,32 +128,35 @@ def point_blocks(
 @numba.njit(cache=True, nogil=True)
 def _point_blocks(
     first, last, position, turns, rho, ring, ranges, origin, planes, R_l_b, turn_axes, lever,
-    offsets, ring_column, variances, N, t, chi2,
+    offsets, ring_column, variances, settled, N, t, chi2,
 ):  # fmt: skip
     """Fill ``N``, ``t`` and ``chi2`` of planes ``first`` to ``last``."""
     v, b, row = np.empty(9), np.empty(9), np.empty(8)
     per_ring = ring_column.max() >= 0
     for g in range(first, last):
         sums = np.zeros((len(ring_column) if per_ring else 1, 8, 9))
+        plane, near = planes[g], origin[g]
         for i in range(ranges[g, 0], ranges[g, 1]):
+            there, then = ray(position, turns, i)
             w, s = settle(
-                position[i], turns[i], rho[i], planes[g], origin[g], R_l_b, turn_axes, lever,
-                offsets[ring[i]], variances, v, b, row,
+                there, then, rho[i], plane, near, R_l_b, turn_axes, lever, offsets[ring[i]],
+                variances, settled, v, b, row,
             )  # fmt: skip
-            _add_products(row, w, 1.0 / s, sums[ring[i] if per_ring else 0])
+            _add_products(row, w, 1.0 / s, sums, ring[i] if per_ring else 0)
             chi2[g] += w * w / s
         for k in range(len(sums)):
             _add_sums(sums[k], ring_column[k], N[g], t[g])
 
 
 @numba.njit(cache=True)
-def _add_products(row, w, weight, sums):
-    """Add a condition to the ``sums`` (8, 9) of its ring: products of ``row`` and, last, with w."""
+def _add_products(row, w, weight, sums, ring):
+    """Add a condition to the ``sums`` (rings, 8, 9) of its ring: products of ``row`` and, last,
+    with w."""
     for k in range(8):
         scaled = weight * row[k]
         for m in range(k, 8):
-            sums[k, m] += scaled * row[m]
-        sums[k, 8] += scaled * w
+            sums[ring, k, m] += scaled * row[m]
+        sums[ring, k, 8] += scaled * w
 
 
 @numba.njit(cache=True)

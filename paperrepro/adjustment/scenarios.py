@@ -26,7 +26,7 @@ from paperrepro.adjustment.matched import MatchedFaces, require_spread, require_
 from paperrepro.adjustment.normals import Blocks, Unknowns, observation_variances, point_blocks
 from paperrepro.adjustment.observability import Observability
 from paperrepro.adjustment.result import CalibrationResult
-from paperrepro.adjustment.sightlines import Sightlines
+from paperrepro.adjustment.sightlines import SETTLED, Sightlines
 from paperrepro.errors import BadInput, TooFewPlanes
 from paperrepro.survey import Survey
 
@@ -155,8 +155,8 @@ class _Model:
         J[:, 3] -= np.einsum("gak,ga->gk", J[:, :3], self.origin)
         return planes, J
 
-    def blocks(self, x: np.ndarray, planes: np.ndarray) -> Blocks:
-        """All conditions at ``x`` and ``planes``."""
+    def blocks(self, x: np.ndarray, planes: np.ndarray, settled: float = SETTLED) -> Blocks:
+        """All conditions at ``x`` and ``planes``; ``settled`` m as `sightlines.settle` has it."""
         parts = []
         if self.scenario.points:
             parts.append(
@@ -168,6 +168,7 @@ class _Model:
                     self.unknowns,
                     x,
                     self.variances,
+                    settled,
                 )
             )
         if self.scenario.centroids:

@@ -17,8 +17,9 @@ from paperrepro.sines import sines_near, turned
 from paperrepro.survey import Rays
 
 #: Change of a misclosure, m, at which a point's adjusted observations are final: each step gains
-#: some five digits, so what is left is rounding.
-SETTLED = 1e-10
+#: some five digits, so what is left is rounding. While the unknowns still move, by more than
+#: `NEARLY` rad or m, `SETTLING` does: what it leaves out moves them by less than 1e-9.
+SETTLED, SETTLING, NEARLY = 1e-10, 1e-4, 1e-6
 
 
 @dataclass(frozen=True)
@@ -37,9 +38,7 @@ class Sightlines:
         if isinstance(rays, Sightlines):
             return rays
         turns = np.empty((len(rays), 10))
-        over_threads(
-            _turns, len(rays), 4096, rays.pose, rays.azimuth, rays.elevation, turns
-        )
+        over_threads(_turns, len(rays), 4096, rays.pose, rays.azimuth, rays.elevation, turns)
         return cls(np.ascontiguousarray(rays.pose[:, :3]), turns, rays.rho, rays.ring)
 
     def columns(self) -> tuple:
@@ -60,19 +59,30 @@ def _turns(first, last, pose, azimuth, elevation, turns):
     before = np.full((5, 3), np.nan)
     for i in range(first, last):
         for k in range(3):
-            turns[i, 2 * k], turns[i, 2 * k + 1] = sines_near(pose[i, 3 + k], before[k])
-        turns[i, 6], turns[i, 7] = sines_near(azimuth[i], before[3])
-        turns[i, 8], turns[i, 9] = sines_near(elevation[i], before[4])
+            turns[i, 2 * k], turns[i, 2 * k + 1] = sines_near(pose[i, 3 + k], before, k)
+        turns[i, 6], turns[i, 7] = sines_near(azimuth[i], before, 3)
+        turns[i, 8], turns[i, 9] = sines_near(elevation[i], before, 4)
 
 
 @numba.njit(cache=True)
-def moved(position, turns, by, there, then):
-    """A ray whose pose is off ``by`` (6,), m and rad, into ``there`` (3,) and ``then`` (10,)."""
-    for k in range(3):
-        there[k] = position[k] + by[k]
-        then[2 * k], then[2 * k + 1] = turned(turns[2 * k], turns[2 * k + 1], by[3 + k])
-    for k in range(6, 10):
-        then[k] = turns[k]
+def ray(position, turns, i):
+    """Position and turns of ray ``i`` as tuples: a row of an array would be counted as a reference
+    to it, and two threads that count wait for each other."""
+    return (position[i, 0], position[i, 1], position[i, 2]), (
+        turns[i, 0], turns[i, 1], turns[i, 2], turns[i, 3], turns[i, 4], turns[i, 5],
+        turns[i, 6], turns[i, 7], turns[i, 8], turns[i, 9],
+    )  # fmt: skip
+
+
+@numba.njit(cache=True)
+def moved(position, turns, by):
+    """Position and turns of a ray whose pose is off ``by`` (6,), m and rad."""
+    sr, cr = turned(turns[0], turns[1], by[3])
+    sp, cp = turned(turns[2], turns[3], by[4])
+    sh, ch = turned(turns[4], turns[5], by[5])
+    return (position[0] + by[0], position[1] + by[1], position[2] + by[2]), (
+        sr, cr, sp, cp, sh, ch, turns[6], turns[7], turns[8], turns[9],
+    )  # fmt: skip
 
 
 @numba.njit(cache=True)
@@ -98,41 +108,54 @@ def body_ray(turns, r, R_l_b):
 
 @numba.njit(cache=True)
 def settle(
-    position, turns, rho, plane, origin, R_l_b, turn_axes, lever, offset, variances, v, b, row
-):
+    position, turns, rho, plane, origin, R_l_b, turn_axes, lever, offset, variances, settled, v, b,
+    row,
+):  # fmt: skip
     """Misclosure ``w = f(l + v) - B v`` and ``s = B Q B'`` at the adjusted observations.
 
-    One ray against ``plane`` (4,), d from ``origin`` (3,). Leaves the residuals in ``v`` (9,), B in
-    ``b`` (9,), and in ``row`` (8,) the row of A: three angles, the ring's offset, n and d.
+    One `ray` against ``plane`` (4,), d from ``origin`` (3,); its observations are final where ``w``
+    changes by less than ``settled`` m. Leaves the residuals in ``v`` (9,), B in ``b`` (9,), and in
+    ``row`` (8,) the row of A: three angles, the ring's offset, n and d.
     """
     v[:] = 0.0
-    w, s = 0.0, 1.0
-    for inner in range(20):
-        before = w
-        w = _linearise(position, turns, rho + offset, plane, origin, R_l_b, turn_axes, lever, v, b,
-                       row)  # fmt: skip
-        s = 0.0
-        for m in range(9):
-            w -= b[m] * v[m]
-            s += b[m] * b[m] * variances[m]
-        if inner > 0 and abs(w - before) < SETTLED:
-            break
+    w = _linearise(position, turns, rho + offset, plane, origin, R_l_b, turn_axes, lever, v, b,
+                   row)  # fmt: skip
+    s = _variance(b, variances)
+    for _ in range(20):
         step = w / s
         for m in range(9):
             v[m] = -variances[m] * b[m] * step
+        sr, cr = turned(turns[0], turns[1], v[3])
+        sp, cp = turned(turns[2], turns[3], v[4])
+        sh, ch = turned(turns[4], turns[5], v[5])
+        sa, ca = turned(turns[6], turns[7], v[7])
+        sb, cb = turned(turns[8], turns[9], v[8])
+        angles = (sr, cr, sp, cp, sh, ch, sa, ca, sb, cb)
+        before = w
+        w = _linearise(position, angles, rho + offset, plane, origin, R_l_b, turn_axes, lever, v, b,
+                       row)  # fmt: skip
+        for m in range(9):
+            w -= b[m] * v[m]
+        s = _variance(b, variances)
+        if abs(w - before) < settled:
+            break
     return w, s
 
 
 @numba.njit(cache=True)
-def _linearise(position, angles, r, plane, origin, R_l_b, turn_axes, lever, v, b, row):
-    """Value of Eq. (4) at the observations plus ``v``; fills ``b`` and ``row``."""
-    sr, cr = turned(angles[0], angles[1], v[3])
-    sp, cp = turned(angles[2], angles[3], v[4])
-    sh, ch = turned(angles[4], angles[5], v[5])
-    sa, ca = turned(angles[6], angles[7], v[7])
-    sb, cb = turned(angles[8], angles[9], v[8])
+def _variance(b, variances):
+    s = 0.0
+    for m in range(9):
+        s += b[m] * b[m] * variances[m]
+    return s
+
+
+@numba.njit(cache=True)
+def _linearise(position, turns, r, plane, origin, R_l_b, turn_axes, lever, v, b, row):
+    """Value of Eq. (4) at the observations plus ``v``, whose angles are in ``turns`` already; fills
+    ``b`` and ``row``."""
+    _, _, _, _, sh, ch, sa, ca, sb, cb = turns
     r += v[6]
-    turns = (sr, cr, sp, cp, sh, ch, sa, ca, sb, cb)
     R = body_to_map(turns)
     x, y, z = body_ray(turns, r, R_l_b)
     X, Y, Z = x + lever[0], y + lever[1], z + lever[2]

@@ -14,7 +14,7 @@ from paperrepro.adjustment.gauss_markov import Nodes
 from paperrepro.adjustment.lever_arm import LeverArmUnknowns
 from paperrepro.adjustment.matched import MatchedFaces
 from paperrepro.adjustment.normals import Unknowns
-from paperrepro.adjustment.sightlines import Sightlines, axes, moved, settle
+from paperrepro.adjustment.sightlines import SETTLED, Sightlines, axes, moved, ray, settle
 from paperrepro.georeference import body_to_map
 from paperrepro.kernels import over_threads
 
@@ -71,19 +71,22 @@ def cell_blocks(
     error: np.ndarray,
     variances: np.ndarray,
     weight: np.ndarray,
+    settled: float = SETTLED,
 ) -> CellBlocks:
     """`CellBlocks` at ``x``, ``planes`` (G, 4) with d from ``origin`` (G, 3), pose errors ``error``
     (K, 6) m and rad, and ``variances`` (9,) of the observations, free of what the error stands for;
-    ``weight`` (F,) multiplies the weights of a face's points.
+    ``weight`` (F,) multiplies the weights of a face's points; ``settled`` m as `sightlines.settle`
+    has it.
     """  # fmt: skip
     size = unknowns.size + N_PLANE + N_NODES
     n_cells = len(cells.ranges)
     N, t, chi2 = np.zeros((n_cells, size, size)), np.zeros((n_cells, size)), np.zeros(n_cells)
     R_l_b, dR_l_b, *mounted = unknowns.kernel_arguments(x)
     over_threads(
-        _cell_blocks, n_cells, 8, *cells.sight.columns(), cells.share, cells.ranges, cells.node, origin[cells.plane],
-        planes[cells.plane], weight[cells.face], error, R_l_b, axes(R_l_b, dR_l_b), *mounted,
-        variances, 3 if isinstance(unknowns, LeverArmUnknowns) else 0, N, t, chi2,
+        _cell_blocks, n_cells, 8, *cells.sight.columns(), cells.share, cells.ranges, cells.node,
+        origin[cells.plane], planes[cells.plane], weight[cells.face], error, R_l_b,
+        axes(R_l_b, dR_l_b), *mounted, variances, settled,
+        3 if isinstance(unknowns, LeverArmUnknowns) else 0, N, t, chi2,
     )  # fmt: skip
     lower = np.tril_indices(size, -1)
     N[:, lower[0], lower[1]] = N[:, lower[1], lower[0]]
@@ -93,26 +96,27 @@ def cell_blocks(
 @numba.njit(cache=True, nogil=True)
 def _cell_blocks(
     first, last, position, turns, rho, ring, share, ranges, node, origin, planes, weight, error,
-    R_l_b, turn_axes, lever, offsets, ring_column, variances, n_lever, N, t, chi2,
+    R_l_b, turn_axes, lever, offsets, ring_column, variances, settled, n_lever, N, t, chi2,
 ):  # fmt: skip
     """Fill ``N``, ``t`` and ``chi2`` of cells ``first`` to ``last``."""
     v, b, seen, e = np.empty(9), np.empty(9), np.empty(8), np.empty(6)
-    there, turned = np.empty(3), np.empty(10)
     row, where = np.empty(20 + n_lever), np.empty(20 + n_lever, np.int64)
     for c in range(first, last):
         before, after, n_x = error[node[c]], error[node[c] + 1], t.shape[1] - 16
+        plane, near, N_c, t_c = planes[c], origin[c], N[c], t[c]
         for i in range(ranges[c, 0], ranges[c, 1]):
             for m in range(6):
                 e[m] = (1 - share[i]) * before[m] + share[i] * after[m]
-            moved(position[i], turns[i], e, there, turned)
+            there, then = ray(position, turns, i)
+            there, then = moved(there, then, e)
             w, s = settle(
-                there, turned, rho[i], planes[c], origin[c], R_l_b, turn_axes, lever,
-                offsets[ring[i]], variances, v, b, seen,
+                there, then, rho[i], plane, near, R_l_b, turn_axes, lever, offsets[ring[i]],
+                variances, settled, v, b, seen,
             )  # fmt: skip
             _row(seen, b, share[i], ring_column[ring[i]], n_x, row, where)
             if n_lever > 0:
-                _lever_entries(planes[c], turned, row)
-            add_row(row, where, w, weight[c] / s, N[c], t[c])
+                _lever_entries(plane, then, row)
+            add_row(row, where, w, weight[c] / s, N_c, t_c)
             chi2[c] += weight[c] * w * w / s
 
 
@@ -147,9 +151,13 @@ def _lever_entries(plane, turns, row):
 
 @numba.njit(cache=True)
 def add_row(row, where, w, weight, N, t):
-    """Add a condition, ``row`` in columns ``where`` (ascending), to N (upper triangle) and t."""
+    """Add a condition, ``row`` in columns ``where`` (ascending), to N (upper triangle) and t. From
+    the fifth on the columns follow each other."""
+    shift = where[4] - 4
     for a in range(len(row)):
-        scaled = weight * row[a]
-        t[where[a]] += scaled * w
-        for b in range(a, len(row)):
-            N[where[a], where[b]] += scaled * row[b]
+        scaled, place = weight * row[a], where[a]
+        t[place] += scaled * w
+        for b in range(a, 4):
+            N[place, where[b]] += scaled * row[b]
+        for b in range(max(a, 4), len(row)):
+            N[place, shift + b] += scaled * row[b]

@@ -14,6 +14,7 @@ from paperrepro.adjustment.gauss_markov import N_COMPONENTS, GaussMarkov, Nodes
 from paperrepro.adjustment.lever_arm import PRIOR_SIGMA, LeverArmUnknowns
 from paperrepro.adjustment.matched import MatchedFaces, require_spread
 from paperrepro.adjustment.normals import Unknowns, observation_variances
+from paperrepro.adjustment.sightlines import NEARLY, SETTLED, SETTLING
 from paperrepro.adjustment.trajectory_normals import CellBlocks, Cells, cell_blocks
 from paperrepro.errors import BadInput, NoConvergence
 from paperrepro.survey import Survey
@@ -69,16 +70,17 @@ class TrajectoryModel:
         planes[:, 3] -= np.einsum("ga,ga->g", planes[:, :3], self.origin)
         return State(x, planes, np.zeros((len(self.nodes.time), N_COMPONENTS)))
 
-    def blocks(self, state: "State") -> CellBlocks:
-        """Normal equations of the conditions at ``state``, cell by cell."""
+    def blocks(self, state: "State", settled: float = SETTLED) -> CellBlocks:
+        """Normal equations of the conditions at ``state``, cell by cell; ``settled`` m as
+        `sightlines.settle` has it."""
         return cell_blocks(
             self.cells, self.origin, state.planes, self.unknowns, state.x, state.error,
-            self.variances, self.weight,
+            self.variances, self.weight, settled,
         )  # fmt: skip
 
-    def normals(self, state: "State") -> "DataNormals":
+    def normals(self, state: "State", settled: float = SETTLED) -> "DataNormals":
         """Normal equations of the conditions alone, at ``state``."""
-        return assemble(self.blocks(state), self.cells, state, len(self.nodes.time))
+        return assemble(self.blocks(state, settled), self.cells, state, len(self.nodes.time))
 
 
 @dataclass(frozen=True)
@@ -219,12 +221,16 @@ def iterate(
     model: TrajectoryModel, prior: GaussMarkov, state: State
 ) -> tuple[State, Step, DataNormals, int]:
     """Gauss-Newton from ``state``; raises `NoConvergence`."""
+    settled = SETTLING
     for iteration in range(1, MAX_ITERATIONS + 1):
-        data = model.normals(state)
+        data = model.normals(state, settled)
         step = eliminate(data, prior, model.nodes.time, state, model.pseudo_weight)
         state = state.moved(step.dy, step.d_error)
-        if max(np.abs(step.dy).max(), np.abs(step.d_error).max()) < TOLERANCE:
+        change = max(np.abs(step.dy).max(), np.abs(step.d_error).max())
+        if change < TOLERANCE and settled == SETTLED:
             return state, step, data, iteration
+        if change < NEARLY:
+            settled = SETTLED
     raise NoConvergence(
         f"scenario D: no convergence after {MAX_ITERATIONS} iterations, last correction "
         f"{np.abs(step.dy).max():.2e} (limit {TOLERANCE:.0e}); look for wrong matches"

@@ -108,20 +108,21 @@ def _local_planes(first, last, p_m, index, normal, residual):
     """Fill ``normal`` (V, 3) and ``residual`` (V,) of the planes of each point's neighbours, -1 for
     none."""
     for v in range(first, last):
-        residual[v] = _local_plane(p_m, index[v], normal[v])
+        residual[v] = _local_plane(p_m, index, v, normal)
 
 
 @numba.njit(cache=True)
-def _local_plane(p_m, index, normal):
-    q = np.empty((len(index), 3))
+def _local_plane(p_m, index, v, normal):
+    q = np.empty((index.shape[1], 3))
     count = 0
-    for n in index:
+    for m in range(index.shape[1]):
+        n = index[v, m]
         if n >= 0:
             for a in range(3):
                 q[count, a] = p_m[n, a]
             count += 1
     value, vector = least_eigenpair(_moments(q[:count])[1])
-    normal[0], normal[1], normal[2] = vector
+    normal[v, 0], normal[v, 1], normal[v, 2] = vector
     return np.sqrt(max(value, 0.0))
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from paperrepro.adjustment.sightlines import Sightlines, axes, settle
+from paperrepro.adjustment.sightlines import SETTLED, Sightlines, axes, settle
 from paperrepro.frames import R_NOMINAL, boresight_matrix
 from paperrepro.georeference import boresight_derivatives, point_jacobians
 from paperrepro.survey import Rays
@@ -27,7 +27,8 @@ def settled(observed, plane, variances):
     R, dR = boresight_matrix(BORESIGHT), boresight_derivatives(BORESIGHT, R_NOMINAL)
     v, b, row, origin = np.empty(9), np.empty(9), np.empty(8), np.array([5.0, 4.0, 1.0])
     mounted = R, axes(R, dR), LEVER, OFFSET
-    w, s = settle(position[0], turns[0], rho[0], plane, origin, *mounted, variances, v, b, row)
+    last = variances, SETTLED, v, b, row
+    w, s = settle(position[0], turns[0], rho[0], plane, origin, *mounted, *last)
     return w, s, v, b, row, origin
 
 
