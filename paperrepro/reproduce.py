@@ -10,6 +10,7 @@ import tempfile
 import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from itertools import zip_longest
 from pathlib import Path
 
 import pandas as pd
@@ -82,7 +83,8 @@ def _run_all(
     (staging / EXECUTED).mkdir()
     seconds = dict.fromkeys((notebook.stem for notebook in notebooks), 0.0)
     with ThreadPoolExecutor(jobs) as pool, tqdm(total=len(notebooks), unit="notebook") as bar:
-        futures = {pool.submit(_run, path, staging, parameters): path for path in notebooks}
+        order = _ends_first(notebooks) if jobs > 1 else notebooks
+        futures = {pool.submit(_run, path, staging, parameters): path for path in order}
         try:
             for future in as_completed(futures):
                 seconds[futures[future].stem] = future.result()
@@ -92,6 +94,14 @@ def _run_all(
             pool.shutdown(cancel_futures=True)
             raise
     return seconds
+
+
+def _ends_first(notebooks: list[Path]) -> list[Path]:
+    """The first, the last, the second, the last but one ...: neighbours build on the same results,
+    so that one of them would only wait for the other."""
+    half = (len(notebooks) + 1) // 2
+    front, back = notebooks[:half], notebooks[half:][::-1]
+    return [path for pair in zip_longest(front, back) for path in pair if path is not None]
 
 
 def _run(notebook: Path, staging: Path, parameters: Mapping) -> float:

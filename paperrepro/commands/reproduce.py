@@ -23,9 +23,7 @@ def add(commands) -> None:
     command.add_argument(
         "--only", default="", metavar="05,07", help="notebooks by the start of their names"
     )
-    command.add_argument(
-        "--jobs", type=int, help="notebooks at a time (default 2 for quick, 1 for paper: memory)"
-    )
+    command.add_argument("--jobs", type=int, default=2, help="notebooks at a time (default 2)")
     command.set_defaults(run=run)
 
 
@@ -42,8 +40,7 @@ def run(options: argparse.Namespace) -> int:
     make_config(**parameters)  # refuses what cannot be simulated, before anything runs
     start = time.perf_counter()
     only = tuple(part for part in options.only.split(",") if part)
-    jobs = options.jobs or (2 if options.profile == "quick" else 1)
-    seconds = reproduce(options.out, parameters, only, jobs)
+    seconds = reproduce(options.out, parameters, only, options.jobs)
     for name, spent in seconds.items():
         print(f"{name:32s} {spent:7.1f} s")
     report.write(options.out, Run(**parameters))

@@ -2,20 +2,29 @@
 
 --every 16 4 1   densities, one in so many pulses
 --out figures    folder of benchmarks.csv, benchmarks_targets.csv, benchmarks.png and .svg
---whole          the whole method in a process of its own, for memory, growth and compiling
+--no-whole       not the whole method in a process of its own, for memory, growth and compiling
+--no-commands    not the full-density reproduction, nor a sweep by one worker and by two
 """
 
 import argparse
+import os
+import platform
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
+import psutil
 
 from paperrepro.figures import benchmarks, save, use_style
-from tests.benchmarks import stages, whole
+from tests.benchmarks import commands, stages, whole
 from tests.benchmarks.clock import Row
 from tests.benchmarks.inputs import EVERY, Inputs
 from tests.benchmarks.targets import judged
+
+COLUMNS = ("stage", "every", "points", "seconds", "first_seconds", "peer", "peer_seconds", "ratio",
+           "measure", "agreement", "memory_gib")  # fmt: skip
 
 
 def rows_of(every: int, sparsest: bool) -> Iterator[Row]:
@@ -33,29 +42,55 @@ def rows_of(every: int, sparsest: bool) -> Iterator[Row]:
 
 
 def rows_of_whole(every: int, sparsest: bool) -> Iterator[dict]:
-    """The whole method; at the sparsest once more with nothing compiled."""
+    """The whole method, by parts; at the sparsest once more with nothing compiled."""
     warm = whole.in_a_process(every)
-    total = sum(warm["seconds"].values())
-    told = {"every": every, "points": warm["points"], "memory_gib": warm["memory"] / 2**30}
-    yield {"stage": "whole method", "seconds": total, "first_seconds": total, **told}
+    first = whole.in_a_process(every, compiled=False)["seconds"] if sparsest else {}
+    told = {"every": every, "points": warm["points"]}
+    for part, seconds in warm["seconds"].items():
+        yield {"stage": f"all of {part}", "seconds": seconds, "first_seconds": first.get(part),
+               **told}  # fmt: skip
+    total, memory = sum(warm["seconds"].values()), warm["memory"] / 2**30
+    yield {"stage": "whole method", "seconds": total, "memory_gib": memory, **told}
     if sparsest:
-        first = sum(whole.in_a_process(every, compiled=False)["seconds"].values())
-        yield {"stage": "compiling", "seconds": total, "first_seconds": first - total, **told}
+        yield {"stage": "compiling", "seconds": sum(first.values()) - total, **told}
 
 
-def measure(densities: list[int], with_whole: bool) -> pd.DataFrame:
+def measure(densities: list[int], with_whole: bool, with_commands: bool) -> pd.DataFrame:
     """A row for each stage, density and peer."""
     rows: list[dict] = []
+
+    def add(found: dict) -> None:
+        rows.append(found)
+        of = f"1/{found['every']}" if "every" in found else ""
+        print(f"{found['stage']:20s} {of:5s} {found['seconds']:8.3f} s  "
+              f"{found.get('peer') or '':12s} {found.get('peer_seconds', np.nan):8.3f}",
+              flush=True)  # fmt: skip
+
     for every in densities:
         sparsest = every == max(densities)
-        for found in rows_of(every, sparsest):
-            rows.append(found.as_dict())
-            print(f"{found.stage:20s} 1/{every:<3d} {found.points:9d} points "
-                  f"{found.seconds:8.3f} s  {found.peer:12s} {found.peer_seconds:8.3f}",
-                  flush=True)  # fmt: skip
+        for row in rows_of(every, sparsest):
+            add(row.as_dict())
         if with_whole:
-            rows += rows_of_whole(every, sparsest)
+            for row in rows_of_whole(every, sparsest):
+                add(row)
+    if with_commands:
+        add(commands.paper_profile())
+        add(commands.sweep())
     return pd.DataFrame(rows)
+
+
+def machine() -> str:
+    """What all this was measured on."""
+    memory = psutil.virtual_memory().total / 2**30
+    return f"{os.cpu_count()} cores of {_processor()}, {memory:.0f} GiB"
+
+
+def _processor() -> str:
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.split(":")[1].strip()
+    return platform.machine()
 
 
 def main() -> None:
@@ -63,10 +98,11 @@ def main() -> None:
     parser.add_argument("--every", type=int, nargs="+", default=list(EVERY))
     parser.add_argument("--out", type=Path, default=None)
     parser.add_argument("--whole", action=argparse.BooleanOptionalAction, default=True)
+    parser.add_argument("--commands", action=argparse.BooleanOptionalAction, default=True)
     chosen = parser.parse_args()
-    rows = measure(chosen.every, chosen.whole)
-    rows["peer"] = rows.peer.fillna("")
-    verdicts = judged(rows.assign(memory_gib=rows.get("memory_gib", float("nan"))))
+    rows = measure(chosen.every, chosen.whole, chosen.commands).reindex(columns=COLUMNS)
+    rows["peer"], rows["machine"] = rows.peer.fillna(""), machine()
+    verdicts = judged(rows)
     print(rows.to_string(index=False, float_format=lambda v: f"{v:.4g}"))
     print(verdicts.to_string(index=False, float_format=lambda v: f"{v:.4g}"))
     if chosen.out is not None:

@@ -80,7 +80,10 @@ TARGETS = (
     Target("D, exponent in flight time", 1.05, _growth_of_d),
     Target("whole method, exponent in points", 1.05, _growth("whole method")),
     Target("whole method, memory, GiB", 4.0, _of("memory_gib", "whole method")),
-    Target("first run, compiling, s", 20.0, _of("first_seconds", "compiling", every=None)),
+    Target("first run, compiling, s", 20.0, _of("seconds", "compiling", every=None)),
+    Target("paper profile, s", 240.0, _of("seconds", "paper profile")),
+    Target("paper profile, memory, GiB", 4.0, _of("memory_gib", "paper profile")),
+    Target("sweep, 2 workers / 1", 1 / 1.7, _of("ratio", "sweep, 2 workers", every=None)),
 )
 
 

@@ -9,7 +9,7 @@ from paperrepro.adjustment.scenarios import calibrate
 from paperrepro.figures import benchmarks
 from paperrepro.georeference import georeference
 from paperrepro.segmentation.outliers import statistical_outliers
-from tests.benchmarks import flight_time, least_squares, peers
+from tests.benchmarks import commands, flight_time, least_squares, peers
 from tests.benchmarks.clock import Timing, row, timed
 from tests.benchmarks.targets import TARGETS, exponent, judged
 from tests.paperrepro.labelled import matched_faces, survey_of, with_noise
@@ -60,26 +60,49 @@ def test_a_longer_flight_repeats_every_view():
     assert survey.trajectory.time[-1] >= longer.rays.time.max()
 
 
-def test_the_fastest_of_several_calls_counts_and_the_first_is_kept(monkeypatch):
-    ticks = iter([0.0, 2.0, 10.0, 10.5, 20.0, 21.0])
+def took(monkeypatch, *seconds):
+    ticks = iter(np.repeat(np.cumsum([0.0, *seconds]), 2)[1:-1])
     monkeypatch.setattr("time.perf_counter", lambda: next(ticks))
-    found = timed(lambda: "done")
-    assert (found.seconds, found.first, found.result) == (0.5, 2.0, "done")
+
+
+def test_calls_take_turns_and_the_first_does_not_count(monkeypatch):
+    took(monkeypatch, 9.0, 8.0, 1.0, 0.5, 0.5, 1.0, 0.9, 1.0)
+    calls = []
+    ours, theirs = timed(lambda: calls.append("ours") or 1, lambda: calls.append("theirs") or 2)
+    assert calls == 4 * ["ours", "theirs"]
+    assert (ours.seconds, ours.result) == (pytest.approx(0.9), 1)
+    assert (theirs.seconds, theirs.result) == (pytest.approx(1.0), 2)
+    assert row("stage", 1, 10, ours, "peer", theirs).ratio == pytest.approx(0.9)
+
+
+def test_a_long_call_is_not_repeated(monkeypatch):
+    took(monkeypatch, 1.0, 100.0)
+    ours, theirs = timed(lambda: None, lambda: None)
+    assert (ours.seconds, theirs.seconds) == (1.0, 100.0)
+
+
+def test_a_command_is_measured_in_time_and_memory():
+    seconds, most = commands.measured("--version")
+    assert seconds > 0
+    assert most > 2**20
+    with pytest.raises(RuntimeError, match="no-such"):
+        commands.measured("no-such")
 
 
 def table(seconds=1.0):
     """Rows of every stage that a target names, at three densities."""
     rows = []
     for every, points in ((1, 16e6), (4, 4e6), (16, 1e6)):
-        took = Timing(seconds * points / 1e7, seconds, None)
-        given = every, int(points), took
+        given = every, int(points), Timing(np.array([seconds * points / 1e7]), None)
         for stage, peer in (
             ("simulate", ""), ("georeference", "memory copy"), ("outliers", "Open3D"),
             ("ground", ""), ("normals and growing", "Open3D"), ("SL", "SciPy"), ("A", "SciPy"),
             ("B", "SciPy"), ("C", "SciPy"), ("compiling", ""), ("whole method", ""),
+            ("paper profile", ""), ("sweep, 2 workers", "1 worker"),
         ):  # fmt: skip
             agreement = 1.0 if stage == "outliers" else 1e-10
-            found = row(stage, *given, peer=peer, peer_seconds=20.0, agreement=agreement)
+            theirs = Timing(np.array([20.0]), None) if peer else None
+            found = row(stage, *given, peer, theirs, agreement=agreement)
             rows.append({**found.as_dict(), "memory_gib": 2.0})
         rows.append({**row(f"D, {16 // every} x", *given).as_dict(), "memory_gib": np.nan})
     return pd.DataFrame(rows)
