@@ -62,8 +62,11 @@ def faces_in_strip(
     """
     on_face = label >= 0
     cell = np.floor(p_m[on_face, :2] / cell_m).astype(np.int64)
-    occupied = np.unique(np.column_stack([label[on_face], cell]), axis=0)[:, 0]
-    covered = cell_m**2 * np.bincount(occupied, minlength=max(f.id for f in truth.faces) + 1)
+    cell -= cell.min(axis=0, initial=0)
+    shape = (max(f.id for f in truth.faces) + 1, *(cell.max(axis=0, initial=0) + 1))
+    occupied = np.zeros(shape, dtype=bool)
+    occupied[label[on_face], cell[:, 0], cell[:, 1]] = True
+    covered = cell_m**2 * np.count_nonzero(occupied, axis=(1, 2))
     return np.array(
         [f.id for f in truth.faces if covered[f.id] >= share * f.area * f.normal[2]], dtype=int
     )

@@ -20,6 +20,7 @@ from paperrepro.kernels import over_threads
 
 N_NODES = 12  # two nodes of six components
 N_PLANE = 4
+N_ROW = 6 + N_PLANE + N_NODES  # three angles and three of the lever arm
 
 
 @dataclass(frozen=True)
@@ -99,11 +100,13 @@ def _cell_blocks(
     R_l_b, turn_axes, lever, offsets, ring_column, variances, settled, n_lever, N, t, chi2,
 ):  # fmt: skip
     """Fill ``N``, ``t`` and ``chi2`` of cells ``first`` to ``last``."""
-    v, b, seen, e = np.empty(9), np.empty(9), np.empty(8), np.empty(6)
-    row, where = np.empty(20 + n_lever), np.empty(20 + n_lever, np.int64)
+    v, b, seen, e, row = np.empty(9), np.empty(9), np.empty(8), np.empty(6), np.zeros(N_ROW)
+    sums, of_ring = np.empty((N_ROW, N_ROW + 1)), np.empty((len(ring_column), N_ROW + 2))
+    per_ring = ring_column.max() >= 0
     for c in range(first, last):
-        before, after, n_x = error[node[c]], error[node[c] + 1], t.shape[1] - 16
-        plane, near, N_c, t_c = planes[c], origin[c], N[c], t[c]
+        before, after = error[node[c]], error[node[c] + 1]
+        plane, near, of_cell = planes[c], origin[c], weight[c]
+        sums[:], of_ring[:] = 0.0, 0.0
         for i in range(ranges[c, 0], ranges[c, 1]):
             for m in range(6):
                 e[m] = (1 - share[i]) * before[m] + share[i] * after[m]
@@ -113,51 +116,77 @@ def _cell_blocks(
                 there, then, rho[i], plane, near, R_l_b, turn_axes, lever, offsets[ring[i]],
                 variances, settled, v, b, seen,
             )  # fmt: skip
-            _row(seen, b, share[i], ring_column[ring[i]], n_x, row, where)
+            _fill_row(seen, b, share[i], row)
             if n_lever > 0:
-                _lever_entries(plane, then, row)
-            add_row(row, where, w, weight[c] / s, N_c, t_c)
-            chi2[c] += weight[c] * w * w / s
+                _fill_lever(plane, then, row)
+            _add_products(row, w, of_cell / s, sums)
+            if per_ring:
+                _add_offset(row, seen[3], w, of_cell / s, of_ring, ring[i])
+            chi2[c] += of_cell * w * w / s
+        _add_sums(sums, of_ring, ring_column, n_lever, N[c], t[c])
 
 
 @numba.njit(cache=True)
-def _row(seen, b, share, column, n_x, row, where):
-    """Entries of a row of A: angles, the ring's offset, the lever arm where it is free, n and d,
-    six of each node."""
-    for k in range(4):
+def _fill_row(seen, b, share, row):
+    """A row of A without the ring's offset: three angles, three of the lever arm, which are left
+    alone, n and d, six of each node."""
+    for k in range(3):
         row[k] = seen[k]
-        where[k] = k
-    where[3] = column
-    if column < 0:  # held: a zero entry, anywhere
-        row[3], where[3] = 0.0, 2
-    first = len(row) - 16
-    for k in range(4, first):
-        where[k] = n_x - first + k
-    for j in range(4):
-        row[first + j] = seen[4 + j]
+    for k in range(4):
+        row[6 + k] = seen[4 + k]
     for m in range(6):
-        row[first + 4 + m], row[first + 10 + m] = (1 - share) * b[m], share * b[m]
-    for k in range(16):
-        where[first + k] = n_x + k
+        row[10 + m], row[16 + m] = (1 - share) * b[m], share * b[m]
 
 
 @numba.njit(cache=True)
-def _lever_entries(plane, turns, row):
+def _fill_lever(plane, turns, row):
     """The plane's normal in the b-frame: Eq. (1) adds the lever arm there."""
     R = body_to_map(turns)
     for k in range(3):
-        row[4 + k] = plane[0] * R[0][k] + plane[1] * R[1][k] + plane[2] * R[2][k]
+        row[3 + k] = plane[0] * R[0][k] + plane[1] * R[1][k] + plane[2] * R[2][k]
 
 
 @numba.njit(cache=True)
-def add_row(row, where, w, weight, N, t):
-    """Add a condition, ``row`` in columns ``where`` (ascending), to N (upper triangle) and t. From
-    the fifth on the columns follow each other."""
-    shift = where[4] - 4
-    for a in range(len(row)):
-        scaled, place = weight * row[a], where[a]
-        t[place] += scaled * w
-        for b in range(a, 4):
-            N[place, where[b]] += scaled * row[b]
-        for b in range(max(a, 4), len(row)):
-            N[place, shift + b] += scaled * row[b]
+def _add_products(row, w, weight, sums):
+    """Add a condition to the ``sums``: products of ``row`` and, last, with w."""
+    for k in range(N_ROW):
+        scaled = weight * row[k]
+        for m in range(k, N_ROW):
+            sums[k, m] += scaled * row[m]
+        sums[k, N_ROW] += scaled * w
+
+
+@numba.njit(cache=True)
+def _add_offset(row, by_offset, w, weight, of_ring, ring):
+    """Add a condition's products with its derivative by the offset of its ``ring``: with ``row``,
+    with itself and, last, with w."""
+    scaled = weight * by_offset
+    for k in range(N_ROW):
+        of_ring[ring, k] += scaled * row[k]
+    of_ring[ring, N_ROW] += scaled * by_offset
+    of_ring[ring, N_ROW + 1] += scaled * w
+
+
+@numba.njit(cache=True)
+def _add_sums(sums, of_ring, ring_column, n_lever, N, t):
+    """Add a cell's sums to N (upper triangle) and t."""
+    n_x = len(t) - N_PLANE - N_NODES
+    where = np.empty(N_ROW, np.int64)
+    for k in range(N_ROW):
+        where[k] = k if k < 3 else n_x - 6 + k
+    for k in range(N_ROW):
+        if n_lever == 0 and 3 <= k < 6:
+            continue
+        for m in range(k, N_ROW):
+            if n_lever > 0 or m < 3 or m >= 6:
+                N[where[k], where[m]] += sums[k, m]
+        t[where[k]] += sums[k, N_ROW]
+        for r in range(len(ring_column)):
+            column = ring_column[r]
+            if column >= 0:
+                N[min(column, where[k]), max(column, where[k])] += of_ring[r, k]
+    for r in range(len(ring_column)):
+        column = ring_column[r]
+        if column >= 0:
+            N[column, column] += of_ring[r, N_ROW]
+            t[column] += of_ring[r, N_ROW + 1]
