@@ -12,7 +12,6 @@ import numpy as np
 
 from data_synth.scene import Scene
 from paperrepro.kernels import over_threads
-from paperrepro.sines import sines_near
 from paperrepro.survey import Mounting
 
 #: Rays per batch: bounds the transient memory to about 150 MB.
@@ -81,14 +80,12 @@ def aim(pose, azimuth, elevation, mounting: Mounting) -> tuple[np.ndarray, np.nd
 
 @numba.njit(cache=True, nogil=True)
 def _aim(first, last, pose, azimuth, elevation, R_l_b, lever, origin, direction):
-    before = np.full((5, 3), np.nan)
     for i in range(first, last):
-        sb, cb = sines_near(elevation[i], before, 4)
-        sa, ca = sines_near(azimuth[i], before, 3)
-        l_x, l_y, l_z = cb * ca, cb * sa, sb
-        sr, cr = sines_near(pose[i, 3], before, 0)
-        sp, cp = sines_near(pose[i, 4], before, 1)
-        sh, ch = sines_near(pose[i, 5], before, 2)
+        cb = np.cos(elevation[i])
+        l_x, l_y, l_z = cb * np.cos(azimuth[i]), cb * np.sin(azimuth[i]), np.sin(elevation[i])
+        sr, cr = np.sin(pose[i, 3]), np.cos(pose[i, 3])
+        sp, cp = np.sin(pose[i, 4]), np.cos(pose[i, 4])
+        sh, ch = np.sin(pose[i, 5]), np.cos(pose[i, 5])
         forward = (sh * cp, ch * cp, sp)
         level = (ch, -sh, 0.0)  # right wing before rolling
         below = (sh * sp, ch * sp, -cp)  # forward x level

@@ -9,8 +9,9 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("paperrepro", "data_synth")
 #: The command line brings simulator and method together; it alone may.
 COMMAND_LINE = ("paperrepro.cli", "paperrepro.commands")
-#: What simulator and method share: containers, rotation conventions and the errors both raise.
-SHARED = {"paperrepro.frames", "paperrepro.survey", "paperrepro.errors"}
+#: What simulator and method share: containers, rotation conventions, the errors both raise, and the
+#: threads their loops run on.
+SHARED = {"paperrepro.frames", "paperrepro.survey", "paperrepro.errors", "paperrepro.kernels"}
 PLOTTING = {"matplotlib", "seaborn", "plotly", "PIL", "IPython"}
 #: Draws nothing, but packs pictures into a page.
 PACKS_PICTURES = "paperrepro.report"
