@@ -1,8 +1,8 @@
 """Sine and cosine of angles that differ little from one ray to the next.
 
 Attitude, and the scanner's azimuth within a firing sequence, turn by far less than a degree from
-ray to ray. The sine and cosine of the ray before, turned by a short series, cost a fifth of new
-ones and are as exact.
+ray to ray. The sine and cosine of the ray before, turned by a short series, cost less than new ones
+and are as exact.
 """
 
 import numba

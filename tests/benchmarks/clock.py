@@ -8,7 +8,7 @@ import numpy as np
 
 #: All are called again until this many seconds are spent, `ROUNDS` times at most; where one call
 #: takes longer than `LONG_S`, its first is all there is.
-ENOUGH_S, ROUNDS, LONG_S = 4.0, 7, 60.0
+ENOUGH_S, ROUNDS, LONG_S = 15.0, 5, 60.0
 
 
 @dataclass(frozen=True)
