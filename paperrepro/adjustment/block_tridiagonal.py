@@ -8,6 +8,7 @@ backwards (Erisman and Tinney 1975).
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from scipy.linalg import cholesky_banded
 
@@ -26,12 +27,10 @@ class Factor:
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Solution (K, b, m) for right sides (K, b, m)."""
-        out, back = right.copy(), self.gain.transpose(0, 2, 1).copy()
-        for k in range(1, len(out)):
-            out[k] -= back[k - 1] @ out[k - 1]
+        out = np.ascontiguousarray(right, dtype=float).copy()
+        _forward(self.gain, out)
         out = self.inverse_S @ out
-        for k in range(len(out) - 2, -1, -1):
-            out[k] -= self.gain[k] @ out[k + 1]
+        _backward(self.gain, out)
         return out
 
     def inverse_diagonal(self) -> np.ndarray:
@@ -64,3 +63,23 @@ def _lower_band(D: np.ndarray, E: np.ndarray) -> np.ndarray:
                 band[row - column, :, column] = D[:, row, column]
             band[size + row - column, :-1, column] = E[:, column, row]
     return band.reshape(2 * size, -1)
+
+
+@numba.njit(cache=True)
+def _forward(gain, out):
+    """``out_k -= gain_{k-1}' out_{k-1}``, in place."""
+    for k in range(1, len(out)):
+        for j in range(out.shape[1]):
+            for i in range(out.shape[1]):
+                for m in range(out.shape[2]):
+                    out[k, i, m] -= gain[k - 1, j, i] * out[k - 1, j, m]
+
+
+@numba.njit(cache=True)
+def _backward(gain, out):
+    """``out_k -= gain_k out_{k+1}``, in place."""
+    for k in range(len(out) - 2, -1, -1):
+        for i in range(out.shape[1]):
+            for j in range(out.shape[1]):
+                for m in range(out.shape[2]):
+                    out[k, i, m] -= gain[k, i, j] * out[k + 1, j, m]

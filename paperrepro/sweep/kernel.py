@@ -15,7 +15,7 @@ from pathlib import Path
 from jupyter_core.utils import run_sync
 from nbformat import NotebookNode
 
-from paperrepro.environment import ONE_THREAD
+from paperrepro.environment import KEEP_MEMORY, ONE_THREAD
 from paperrepro.notebooks import LocalKernelManager, execute
 
 _START_S = 120
@@ -45,7 +45,7 @@ class Kernel:
     def __init__(self, sweep: str):
         self.sweep = sweep
         self._manager = _Manager(kernel_name="python3")
-        run_sync(self._manager.start_kernel)(env={**os.environ, **ONE_THREAD})
+        run_sync(self._manager.start_kernel)(env={**os.environ, **ONE_THREAD, **KEEP_MEMORY})
         _running.add(self)
 
     def execute(self, notebook: NotebookNode, target: Path, parameters: Mapping) -> None:
