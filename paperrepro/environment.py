@@ -11,8 +11,8 @@ ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
 
-#: Variables that let a process keep memory that it has freed (glibc). By default a Dask worker gives
-#: it back at once; a survey after the other needs the same again, and to fetch it takes a seventh of
+#: Variables that let a process keep memory that it has freed (glibc). By default a Dask worker
+#: gives it back at once; the next survey needs the same again, and to fetch it takes a seventh of
 #: the time.
 KEEP_MEMORY = dict.fromkeys(("MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_"), str(2**32 - 1))
 
