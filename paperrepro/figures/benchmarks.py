@@ -34,6 +34,6 @@ def time_against_points(rows: pd.DataFrame) -> Figure:
                       label=f"{stage}: {peer}", ms=4)  # fmt: skip
     span = np.array([rows.points.min(), rows.points.max()], float)
     ax.loglog(span, 1e-6 * span, ":", color="0.5", label="1 µs a point")
-    ax.set(xlabel="points", ylabel="time, s")
+    ax.set(xlabel="points", ylabel="time (s)")
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     return figure

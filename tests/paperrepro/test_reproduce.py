@@ -71,6 +71,15 @@ def test_unknown_parameters_are_refused_before_anything_runs(books, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_the_longest_notebooks_are_begun_first():
+    notebooks = sorted(reproduce.NOTEBOOKS.glob("[0-9][0-9]_*.ipynb"))
+    order = reproduce.in_order(notebooks)
+    assert sorted(order) == notebooks
+    begun = tuple(path.name[:2] for path in order)
+    assert begun[: len(reproduce.BEGIN_WITH)] == reproduce.BEGIN_WITH
+    assert list(begun[len(reproduce.BEGIN_WITH) :]) == sorted(begun[len(reproduce.BEGIN_WITH) :])
+
+
 def test_no_such_notebook(books, tmp_path):
     with pytest.raises(BadInput, match="expected notebooks 99"):
         reproduce.reproduce(tmp_path / "out", {}, only=("99",))
