@@ -4,6 +4,7 @@ Each notebook finds an empty namespace, as in a new kernel. A kernel that a note
 not used again, nor one that another sweep started, whose code may be older.
 """
 
+import asyncio
 import atexit
 import contextlib
 import os
@@ -12,7 +13,7 @@ import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from jupyter_core.utils import run_sync
+from jupyter_core.utils import ensure_event_loop, run_sync
 from nbformat import NotebookNode
 
 from paperrepro.environment import KEEP_MEMORY, ONE_THREAD
@@ -21,6 +22,7 @@ from paperrepro.notebooks import LocalKernelManager, execute
 _START_S = 120
 _of_thread = threading.local()
 _running: "set[Kernel]" = set()
+_loops: set[asyncio.AbstractEventLoop] = set()
 
 
 class _Manager(LocalKernelManager):
@@ -45,6 +47,7 @@ class Kernel:
     def __init__(self, sweep: str):
         self.sweep = sweep
         self._manager = _Manager(kernel_name="python3")
+        _loops.add(ensure_event_loop())
         run_sync(self._manager.start_kernel)(env={**os.environ, **ONE_THREAD, **KEEP_MEMORY})
         _running.add(self)
 
@@ -100,4 +103,10 @@ def stop_kernels(sweep: str | None = None) -> None:
             kernel.stop()
 
 
-atexit.register(stop_kernels)
+@atexit.register
+def _end() -> None:
+    """Loops are closed too: an open one that is collected after its sockets prints a traceback."""
+    stop_kernels()
+    for loop in _loops:
+        if not loop.is_running():
+            loop.close()
