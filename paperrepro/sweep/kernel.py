@@ -9,6 +9,7 @@ import atexit
 import contextlib
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -105,8 +106,10 @@ def stop_kernels(sweep: str | None = None) -> None:
 
 @atexit.register
 def _end() -> None:
-    """Loops are closed too: an open one that is collected after its sockets prints a traceback."""
+    """Loops are closed too: an open one that is collected after its sockets prints a traceback. One
+    that another thread runs to the last cannot be; what it has to say then concerns nobody."""
     stop_kernels()
+    sys.unraisablehook = lambda _: None
     for loop in _loops:
         if not loop.is_running():
             loop.close()

@@ -133,7 +133,7 @@ def test_stopped_it_ends_cleanly_and_says_how_to_go_on(sweep, tmp_path, how):
         assert all_gone(processes), "workers or kernels outlive the sweep"
     kept = len(finished(tmp_path))
     assert process.returncode == 1
-    assert "Traceback" not in err
+    assert "Traceback" not in err, err
     assert f"{kept} of {RUNS} runs" in out
     assert "stopped; the same command goes on" in out
     assert 2 <= kept < RUNS
