@@ -41,8 +41,8 @@ def rotation_zyx(x, y, z) -> np.ndarray:
     return np.moveaxis(R, (0, 1), (-2, -1))
 
 
-def attitude_matrix(roll: float, pitch: float, heading: float) -> np.ndarray:
-    """``R_b_m`` (3, 3) of one attitude."""
+def attitude_matrix(roll, pitch, heading) -> np.ndarray:
+    """``R_b_m`` (..., 3, 3) of attitudes (...,) rad."""
     return T_NED_ENU @ rotation_zyx(roll, pitch, heading)
 
 

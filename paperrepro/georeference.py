@@ -8,7 +8,7 @@ with rho the measured range plus the ring's range offset. Frames: `paperrepro.fr
 import numba
 import numpy as np
 
-from paperrepro.frames import T_NED_ENU, rotation_zyx
+from paperrepro.frames import attitude_matrix, rotation_zyx
 from paperrepro.kernels import over_threads
 from paperrepro.sines import sines_near
 from paperrepro.survey import Mounting, Rays, Strip, Survey
@@ -119,7 +119,7 @@ def point_jacobians(
     obs = np.asarray(obs, float)
     (sa, sb), (ca, cb) = np.sin(obs[:, 7:].T), np.cos(obs[:, 7:].T)
     rho, zero = obs[:, 6] + offset, np.zeros(len(obs))
-    R_b_m = T_NED_ENU @ rotation_zyx(*obs[:, 3:6].T)
+    R_b_m = attitude_matrix(*obs[:, 3:6].T)
 
     def in_map(v_b):
         return np.einsum("nij,nj->ni", R_b_m, v_b)

@@ -10,7 +10,7 @@ import numpy as np
 
 from paperrepro.adjustment.faces import FaceStates
 from paperrepro.adjustment.normals import Blocks, Unknowns
-from paperrepro.frames import T_NED_ENU, rotation_zyx
+from paperrepro.frames import attitude_matrix
 from paperrepro.georeference import point_jacobians
 
 N_POSE = 6
@@ -21,7 +21,7 @@ def virtual_jacobians(
 ) -> np.ndarray:
     """Derivatives (F, 3, 9) of ``centroids`` (F, 3), each a ray from its mean pose (F, 6)."""
     R_l_b, dR_l_b, lever, _, _ = unknowns.kernel_arguments(x)
-    R_b_m = T_NED_ENU @ rotation_zyx(*poses[:, 3:].T)
+    R_b_m = attitude_matrix(*poses[:, 3:].T)
     arm = np.einsum("fij,fi->fj", R_b_m, centroids - poses[:, :3])
     r_l = (arm - lever) @ R_l_b
     rho = np.linalg.norm(r_l, axis=1)

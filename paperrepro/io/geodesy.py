@@ -16,7 +16,7 @@ import pyproj
 from pyproj.exceptions import CRSError, ProjError
 
 from paperrepro.errors import BadInput
-from paperrepro.frames import T_NED_ENU, rotation_zyx
+from paperrepro.frames import attitude_matrix
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class LocalFrame:
         turn = _level_axes(self.latitude, self.longitude) @ np.swapaxes(
             _level_axes(np.asarray(latitude), np.asarray(longitude)), -1, -2
         )  # level at the pose to m
-        R = turn @ T_NED_ENU @ rotation_zyx(*np.asarray(attitude, float).T)
+        R = turn @ attitude_matrix(*np.asarray(attitude, float).T)
         roll = np.arctan2(-R[:, 2, 1], -R[:, 2, 2])
         pitch = np.arctan2(R[:, 2, 0], np.hypot(R[:, 2, 1], R[:, 2, 2]))
         return np.column_stack([roll, pitch, np.arctan2(R[:, 0, 0], R[:, 1, 0])])
