@@ -122,12 +122,7 @@ def _by_grid(first, last, q, k, low, cell, shape, start, order, out):
             count = _within(q, i, reach, low, cell, shape, start, found, nearest)
             reach *= WIDER
         farthest = _at_rank(found, count, nearest)
-        total, less = 0.0, 0
-        for m in range(count):
-            if found[m] < farthest:
-                total += np.sqrt(found[m])
-                less += 1
-        out[order[i]] = (total + (k + 1 - less) * np.sqrt(farthest)) / k
+        out[order[i]] = _sum_to(found, count, farthest, k + 1) / k
         reach = MARGIN * np.sqrt(farthest) + 1e-9
 
 
@@ -136,20 +131,42 @@ def _within(q, i, reach, low, cell, shape, start, found, nearest):
     """Fill ``found`` with the squared distances of the points within ``reach``, the point itself
     among them, or where there is no room with those of the nearest; their number."""
     x, y, z = q[0, i], q[1, i], q[2, i]
-    count, limit = 0, reach * reach
+    count, limit = numba.uint64(0), reach * reach
     first_row, first_column = _cell_of(x - reach, y - reach, low, cell, shape)
     last_row, last_column = _cell_of(x + reach, y + reach, low, cell, shape)
     for row in range(first_row, last_row + 1):
-        begin = start[row * shape[1] + first_column]
-        for j in range(begin, start[row * shape[1] + last_column + 1]):
-            e, n, u = q[0, j] - x, q[1, j] - y, q[2, j] - z
-            found[count] = e * e + n * n + u * u
-            count += found[count] <= limit
+        j = numba.uint64(start[row * shape[1] + first_column])
+        end = numba.uint64(start[row * shape[1] + last_column + 1])
+        while j < end:
+            stop = min(end, j + numba.uint64(len(found)) - count)
+            for other in range(j, stop):  # unsigned and without branches: in a few cycles each
+                e, n, u = q[0, other] - x, q[1, other] - y, q[2, other] - z
+                square = e * e + n * n + u * u
+                found[count] = square
+                count += numba.uint64(square <= limit)
+            j = stop
             if count == len(found):
-                limit, count = _keep_smallest(found, count, nearest), len(nearest)
-                for m in range(count):
-                    found[m] = nearest[m]
-    return count
+                limit = _keep_smallest(found, count, nearest)
+                count = numba.uint64(len(nearest))
+                found[: len(nearest)] = nearest
+    return np.int64(count)
+
+
+@numba.njit(cache=True)
+def _sum_to(squares, count, farthest, smallest):
+    """Sum of the roots of the ``smallest`` least of ``count`` squares, of which ``farthest`` is the
+    greatest: as many of its roots, less what the others fall short of it. There are no branches in
+    this; those beyond fall short by nothing."""
+    root = np.sqrt(farthest)
+    for m in range(count):
+        squares[m] = root - np.sqrt(min(squares[m], farthest))
+    short_even = short_odd = 0.0
+    for m in range(0, count - 1, 2):
+        short_even += squares[m]
+        short_odd += squares[m + 1]
+    if count % 2:
+        short_even += squares[count - 1]
+    return smallest * root - (short_even + short_odd)
 
 
 @numba.njit(cache=True)
