@@ -12,6 +12,7 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from paperrepro.boxes import extent, inside
 from paperrepro.georeference import georeference
 from paperrepro.survey import Mounting, Rays
 
@@ -104,8 +105,7 @@ def pair_distances(
 
 def _correspondences(first: str, second: str, p_m, trees) -> Correspondences:
     """Points of ``first`` that lie on ``second``, evenly drawn, with their neighbours there."""
-    low, high = p_m[second].min(axis=0), p_m[second].max(axis=0)
-    near = np.flatnonzero(((p_m[first] >= low) & (p_m[first] <= high)).all(axis=1))
+    near = np.flatnonzero(inside(p_m[first], *extent(p_m[second])))
     index = near[np.linspace(0, len(near) - 1, min(POINTS, len(near))).astype(int)]
     distance, neighbours = trees[second].query(p_m[first][index], k=NEIGHBOURS, workers=-1)
     if not len(index) or not np.isfinite(distance).all():

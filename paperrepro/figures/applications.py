@@ -22,9 +22,8 @@ def by_height(ax: Axes, table: pd.DataFrame, limits_m: tuple[float, float]) -> P
 def ground_spread(p_m: np.ndarray, cell_m: float = 1.0, least: int = 10) -> float:
     """Median over level cells of the standard deviation, m, of heights of ground points (N, 3) m;
     cells of fewer than ``least`` points do not count."""
-    cell = np.floor(p_m[:, :2] / cell_m).astype(np.int64)
-    cell -= cell.min(axis=0)
-    number = cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1]
+    east, north = (np.floor(x / cell_m).astype(np.int64) for x in p_m[:, :2].T)
+    number = (east - east.min()) * (np.ptp(north) + 1) + north - north.min()
     count = np.maximum(np.bincount(number), 1)
     height = p_m[:, 2] - (np.bincount(number, p_m[:, 2]) / count)[number]
     many = count >= least

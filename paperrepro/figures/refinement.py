@@ -69,7 +69,7 @@ class Section:
         name: columns cloud, strip, across_m, up_m."""
         tables = []
         for name, p_m in clouds.items():
-            near = np.abs((p_m - self.origin) @ self.along) < half_m
+            near = np.abs(p_m @ self.along - self.origin @ self.along) < half_m
             across_m, up_m = self.coordinates(p_m[near]).T
             columns = {"cloud": name, "strip": strips[near], "across_m": across_m, "up_m": up_m}
             tables.append(pd.DataFrame(columns))

@@ -10,6 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
+from paperrepro.boxes import inside
 from paperrepro.figures import ACCENT, AXIS_COLOURS, GROUND, OBJECT, STRIP_COLOURS, thinned
 
 #: What stands on the site, in the order of drawing: colour and words.
@@ -170,8 +171,7 @@ def perspective(
     ax, p_m: np.ndarray, centre_m: np.ndarray, half_m: float, azimuth_deg=-55.0
 ) -> Axes:
     """Points (N, 3) within ``half_m`` of ``centre_m`` (2,), coloured by height. 3-D axes."""
-    near = (np.abs(p_m[:, :2] - centre_m) < half_m).all(axis=1)
-    shown = thinned(p_m[near], 9_000)
+    shown = thinned(p_m[inside(p_m[:, :2], centre_m - half_m, centre_m + half_m)], 9_000)
     low, high = np.percentile(shown[:, 2], [0.5, 99.8])
     shown = shown[(shown[:, 2] >= low) & (shown[:, 2] <= high)]
     ax.scatter(*shown.T, c=shown[:, 2], s=2, lw=0, depthshade=False, rasterized=True)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
+from paperrepro.boxes import extent, inside
 from paperrepro.segmentation.planes import fit_plane
 from paperrepro.segmentation.voxels import Thinned
 
@@ -94,8 +95,8 @@ def _around(thinned: Thinned, segment: np.ndarray, cell_m: float, params) -> np.
     """The segment's voxels and those within reach of one of them."""
     reach = params.reach_cells * cell_m
     core = thinned.p_m[segment]
-    near = (thinned.p_m >= core.min(axis=0) - reach) & (thinned.p_m <= core.max(axis=0) + reach)
-    near = np.flatnonzero(near.all(axis=1))
+    low, high = extent(core)
+    near = np.flatnonzero(inside(thinned.p_m, low - reach, high + reach))
     distance, _ = cKDTree(core).query(thinned.p_m[near], distance_upper_bound=reach)
     return near[np.isfinite(distance)]
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from paperrepro.boxes import cells
+
 
 @dataclass(frozen=True)
 class GroundParameters:
@@ -70,9 +72,9 @@ def progressive_morphological_filter(
 
 def _lowest(p_m: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Lowest height per cell, (rows, columns), +inf where no point fell, and each point's cell."""
-    cell = np.floor((p_m[:, :2] - p_m[:, :2].min(axis=0)) / cell_m).astype(np.int64)
-    shape = tuple(cell.max(axis=0) + 1)
-    column = cell[:, 0] * shape[1] + cell[:, 1]
+    across, along = cells(p_m[:, :2], cell_m)
+    shape = int(across.max()) + 1, int(along.max()) + 1
+    column = across * shape[1] + along
     lowest = np.full(shape[0] * shape[1], np.inf)
     np.minimum.at(lowest, column, p_m[:, 2])
     return lowest.reshape(shape), column

@@ -55,7 +55,8 @@ def _best_consensus(p_m, around, rest, params, rng) -> np.ndarray:
     if len(d) == 0:
         return none
     q, own, cosine = p_m[rest], around.normal[rest], np.cos(np.radians(params.normal_deg))
-    votes = _votes(q, own, normal, d, params.tolerance_m, cosine)
+    columns = np.ascontiguousarray(np.column_stack([q, own]).T)
+    votes = _votes(columns, normal, d, params.tolerance_m, cosine)
     inlier = _inliers(q, own, normal[votes.argmax()], d[votes.argmax()], params.tolerance_m, cosine)
     if inlier.sum() < params.min_inliers:
         return none
@@ -104,15 +105,15 @@ def _inliers(q, own, normal, d, tolerance, cosine) -> np.ndarray:
 
 
 @numba.njit(cache=True)
-def _votes(q, own, normal, d, tolerance, cosine):
-    """Inliers (H,) of each hypothesis among points q (K, 3) with normals ``own`` (K, 3)."""
+def _votes(columns, normal, d, tolerance, cosine):
+    """Inliers (H,) of each hypothesis among points with their normals, the ``columns`` (6, K)."""
+    x, y, z, e, n, u = columns[0], columns[1], columns[2], columns[3], columns[4], columns[5]
     votes = np.zeros(len(d), dtype=np.int64)
     for h in range(len(d)):
-        a, b, c = normal[h, 0], normal[h, 1], normal[h, 2]
+        a, b, c, away = normal[h, 0], normal[h, 1], normal[h, 2], d[h]
         count = 0
-        for i in range(len(q)):
-            near = abs(a * q[i, 0] + b * q[i, 1] + c * q[i, 2] - d[h]) <= tolerance
-            if near and abs(a * own[i, 0] + b * own[i, 1] + c * own[i, 2]) >= cosine:
-                count += 1
+        for i in range(len(x)):  # & instead of `and`: without a branch several points go at a time
+            near = abs(a * x[i] + b * y[i] + c * z[i] - away) <= tolerance
+            count += near & (abs(a * e[i] + b * n[i] + c * u[i]) >= cosine)
         votes[h] = count
     return votes

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import ndimage
 
+from paperrepro.boxes import cells
 from paperrepro.segmentation.faces import AssignmentParameters, Face, assign
 from paperrepro.segmentation.gables import Gable, GableParameters, find_gables
 from paperrepro.segmentation.ground import GroundParameters, progressive_morphological_filter
@@ -96,11 +97,11 @@ def extract(p_m: np.ndarray, params: RoofParameters, rng: np.random.Generator) -
 
 def objects(p_m: np.ndarray, cell_m: float) -> list[np.ndarray]:
     """Index arrays of the objects among points (V, 3): islands of cells, seen from above."""
-    cell = np.floor((p_m[:, :2] - p_m[:, :2].min(axis=0)) / cell_m).astype(np.int64)
-    occupied = np.zeros(cell.max(axis=0) + 1, dtype=bool)
-    occupied[cell[:, 0], cell[:, 1]] = True
+    east, north = cells(p_m[:, :2], cell_m)
+    occupied = np.zeros((east.max() + 1, north.max() + 1), dtype=bool)
+    occupied[east, north] = True
     island, _ = ndimage.label(occupied, structure=np.ones((3, 3)))
-    number = island[cell[:, 0], cell[:, 1]]
+    number = island[east, north]
     order = np.argsort(number, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(number[order])) + 1)
 

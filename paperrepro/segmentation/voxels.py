@@ -4,13 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from paperrepro.boxes import cells
+
 
 def _keys(p_m: np.ndarray, cell_m: float) -> np.ndarray:
     """One integer (N,) per point, equal within a cell of ``cell_m``."""
-    cell = np.floor((p_m - p_m.min(axis=0)) / cell_m).astype(np.int64)
-    key = cell[:, 0]
-    for column in range(1, cell.shape[1]):
-        key = key * (cell[:, column].max() + 1) + cell[:, column]
+    key, *others = cells(p_m, cell_m)
+    for along in others:
+        key = key * (along.max() + 1) + along
     return key
 
 
