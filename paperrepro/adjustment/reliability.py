@@ -92,18 +92,18 @@ class _BiasRows:
     @classmethod
     def of(cls, blocks: CellBlocks, cells: Cells, state: State, n_faces: int) -> "_BiasRows":
         u = len(state.x)
-        row = -blocks.N[:, u + 3]  # a bias is minus the distance d, of this view alone
+        before = -blocks.N[:, : u + 3, u + 2]  # a bias is minus the distance d, of this view alone
+        after = -blocks.N[:, u + 2, u + 3 :]
         own, misclosure = np.zeros(n_faces), np.zeros(n_faces)
-        np.add.at(own, cells.face, -row[:, u + 3])
-        np.add.at(misclosure, cells.face, -blocks.t[:, u + 3])
+        np.add.at(own, cells.face, -before[:, u + 2])
+        np.add.at(misclosure, cells.face, -blocks.t[:, u + 2])
         y = np.zeros((u + 3 * len(state.planes), n_faces))
-        np.add.at(y, (slice(0, u), cells.face), row[:, :u].T)
-        to_plane = np.einsum("ca,cab->cb", row[:, u : u + 4], state.bases()[cells.plane])
+        np.add.at(y, (slice(0, u), cells.face), before[:, :u].T)
         for k in range(3):
-            np.add.at(y, (u + 3 * cells.plane + k, cells.face), to_plane[:, k])
+            np.add.at(y, (u + 3 * cells.plane + k, cells.face), before[:, u + k])
         plane = np.zeros(n_faces, int)
         plane[cells.face] = cells.plane
-        return cls(own, y, row[:, u + 4 :], misclosure, plane, cells)
+        return cls(own, y, after, misclosure, plane, cells)
 
     def nodes(self, part: slice, n_nodes: int) -> np.ndarray:
         """(K, 6, views of ``part``): rows with the nodes."""

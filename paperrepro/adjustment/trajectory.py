@@ -17,7 +17,7 @@ from paperrepro.adjustment.reliability import reliability
 from paperrepro.adjustment.result import CalibrationResult, TrajectoryErrors
 from paperrepro.adjustment.scenarios import calibrate
 from paperrepro.adjustment.trajectory_solver import (
-    DataNormals,
+    Solution,
     State,
     Step,
     TrajectoryModel,
@@ -88,10 +88,10 @@ def _result(
     model: TrajectoryModel,
     prior: GaussMarkov,
     start: np.ndarray,
-    solution: tuple[State, Step, DataNormals, int],
+    solution: Solution,
     factors: VarianceComponents | None,
 ) -> CalibrationResult:
-    state, step, data, iterations = solution
+    state, step = solution.state, solution.step
     matched, unknowns = model.matched, model.unknowns
     lever, u = isinstance(unknowns, LeverArmUnknowns), len(state.x)
     kept = u - 3 if lever else u
@@ -100,7 +100,7 @@ def _result(
     Q = np.linalg.inv(step.S)
     observability = observability.under(np.sqrt(np.diag(Q)[:3]), prior.sigma[3:])
     planes, Q_planes = _planes_in_map(model, state, Q)
-    chi2 = data.chi2 + prior_chi2(prior, model.nodes.time, state.error)
+    chi2 = solution.data.chi2 + prior_chi2(prior, model.nodes.time, state.error)
     chi2 += float(model.pseudo_weight @ np.square(state.x))
     dof = len(matched.rays) + np.count_nonzero(model.pseudo_weight) - len(Q)
     after = face_states(matched.rays, matched.plane_ranges, unknowns, state.x)
@@ -114,7 +114,7 @@ def _result(
         covariance_planes=Q_planes,
         sigma0=float(np.sqrt(chi2 / dof)),
         dof=dof,
-        iterations=iterations,
+        iterations=solution.iterations,
         converged=True,
         n_points=len(matched.rays),
         n_conditions=len(matched.rays),
@@ -125,7 +125,7 @@ def _result(
         trajectory=_errors(model, state, step, Q),
         components=None if factors is None else vars(factors).copy(),
         lever_arm=LeverArm.of(unknowns.mounting, state.x, Q[:u, :u]) if lever else None,
-        reliability=reliability(model.blocks(state), model.cells, state, step, matched.strips),
+        reliability=reliability(solution.blocks, model.cells, state, step, matched.strips),
     )
 
 

@@ -2,7 +2,8 @@
 
 Points of one face between two neighbouring nodes form a cell. All of a cell's points share one
 plane and two nodes, so a cell's normal equations are one small dense block; blocks are summed cell
-by cell, independent of the number of threads.
+by cell, independent of the number of threads. A plane has three unknowns: two turns of its normal
+and its distance d.
 """
 
 from dataclasses import dataclass
@@ -18,9 +19,8 @@ from paperrepro.adjustment.sightlines import SETTLED, Sightlines, axes, moved, r
 from paperrepro.georeference import body_to_map
 from paperrepro.kernels import over_threads
 
+N_ANGLES, N_PLANE, N_LEVER = 3, 3, 3
 N_NODES = 12  # two nodes of six components
-N_PLANE = 4
-N_ROW = 6 + N_PLANE + N_NODES  # three angles and three of the lever arm
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,9 @@ class Cells:
 
 @dataclass(frozen=True)
 class CellBlocks:
-    """``N`` (C, u + 16, u + 16), ``t`` (C, u + 16): unknowns, plane, node before, node after;
-    ``chi2`` (C,) weighted squared residuals; ``N dx + t = 0`` at the solution step."""
+    """``N`` (C, u + 15, u + 15), upper triangle alone, ``t`` (C, u + 15): unknowns, plane, node
+    before, node after; ``chi2`` (C,) weighted squared residuals; ``N dx + t = 0`` at the solution
+    step."""
 
     N: np.ndarray
     t: np.ndarray
@@ -67,6 +68,7 @@ def cell_blocks(
     cells: Cells,
     origin: np.ndarray,
     planes: np.ndarray,
+    turns: np.ndarray,
     unknowns: Unknowns,
     x: np.ndarray,
     error: np.ndarray,
@@ -76,8 +78,8 @@ def cell_blocks(
 ) -> CellBlocks:
     """`CellBlocks` at ``x``, ``planes`` (G, 4) with d from ``origin`` (G, 3), pose errors ``error``
     (K, 6) m and rad, and ``variances`` (9,) of the observations, free of what the error stands for;
-    ``weight`` (F,) multiplies the weights of a face's points; ``settled`` m as `sightlines.settle`
-    has it.
+    ``turns`` (G, 3, 2) how a plane's normal moves with its two unknowns; ``weight`` (F,) multiplies
+    the weights of a face's points; ``settled`` m as `sightlines.settle` has it.
     """  # fmt: skip
     size = unknowns.size + N_PLANE + N_NODES
     n_cells = len(cells.ranges)
@@ -85,23 +87,23 @@ def cell_blocks(
     R_l_b, dR_l_b, *mounted = unknowns.kernel_arguments(x)
     over_threads(
         _cell_blocks, n_cells, 8, *cells.sight.columns(), cells.share, cells.ranges, cells.node,
-        origin[cells.plane], planes[cells.plane], weight[cells.face], error, R_l_b,
-        axes(R_l_b, dR_l_b), *mounted, variances, settled,
-        3 if isinstance(unknowns, LeverArmUnknowns) else 0, N, t, chi2,
+        origin[cells.plane], planes[cells.plane], turns[cells.plane], weight[cells.face], error,
+        R_l_b, axes(R_l_b, dR_l_b), *mounted, variances, settled,
+        N_LEVER if isinstance(unknowns, LeverArmUnknowns) else 0, N, t, chi2,
     )  # fmt: skip
-    lower = np.tril_indices(size, -1)
-    N[:, lower[0], lower[1]] = N[:, lower[1], lower[0]]
     return CellBlocks(N, t, chi2)
 
 
 @numba.njit(cache=True, nogil=True)
 def _cell_blocks(
-    first, last, position, turns, rho, ring, share, ranges, node, origin, planes, weight, error,
-    R_l_b, turn_axes, lever, offsets, ring_column, variances, settled, n_lever, N, t, chi2,
+    first, last, position, turns, rho, ring, share, ranges, node, origin, planes, plane_turns,
+    weight, error, R_l_b, turn_axes, lever, offsets, ring_column, variances, settled, n_lever, N, t,
+    chi2,
 ):  # fmt: skip
     """Fill ``N``, ``t`` and ``chi2`` of cells ``first`` to ``last``."""
-    v, b, seen, e, row = np.empty(9), np.empty(9), np.empty(8), np.empty(6), np.zeros(N_ROW)
-    sums, of_ring = np.empty((N_ROW, N_ROW + 1)), np.empty((len(ring_column), N_ROW + 2))
+    size = N_ANGLES + N_PLANE + N_NODES + n_lever
+    v, b, seen, e, row = np.empty(9), np.empty(9), np.empty(8), np.empty(6), np.empty(size)
+    sums, of_ring = np.empty((size, size + 1)), np.empty((len(ring_column), size + 2))
     per_ring = ring_column.max() >= 0
     for c in range(first, last):
         before, after = error[node[c]], error[node[c] + 1]
@@ -116,7 +118,7 @@ def _cell_blocks(
                 there, then, rho[i], plane, near, R_l_b, turn_axes, lever, offsets[ring[i]],
                 variances, settled, v, b, seen,
             )  # fmt: skip
-            _fill_row(seen, b, share[i], row)
+            _fill_row(seen, b, share[i], plane_turns[c], row)
             if n_lever > 0:
                 _fill_lever(plane, then, row)
             _add_products(row, w, of_cell / s, sums)
@@ -127,15 +129,18 @@ def _cell_blocks(
 
 
 @numba.njit(cache=True)
-def _fill_row(seen, b, share, row):
-    """A row of A without the ring's offset: three angles, three of the lever arm, which are left
-    alone, n and d, six of each node."""
+def _fill_row(seen, b, share, plane_turns, row):
+    """A row of A without the ring's offset: three angles, two turns of the plane and d, six of each
+    node; those of the lever arm come last."""
     for k in range(3):
         row[k] = seen[k]
-    for k in range(4):
-        row[6 + k] = seen[4 + k]
+    for k in range(2):
+        row[3 + k] = (
+            seen[4] * plane_turns[0, k] + seen[5] * plane_turns[1, k] + seen[6] * plane_turns[2, k]
+        )
+    row[5] = seen[7]
     for m in range(6):
-        row[10 + m], row[16 + m] = (1 - share) * b[m], share * b[m]
+        row[6 + m], row[12 + m] = (1 - share) * b[m], share * b[m]
 
 
 @numba.njit(cache=True)
@@ -143,17 +148,17 @@ def _fill_lever(plane, turns, row):
     """The plane's normal in the b-frame: Eq. (1) adds the lever arm there."""
     R = body_to_map(turns)
     for k in range(3):
-        row[3 + k] = plane[0] * R[0][k] + plane[1] * R[1][k] + plane[2] * R[2][k]
+        row[18 + k] = plane[0] * R[0][k] + plane[1] * R[1][k] + plane[2] * R[2][k]
 
 
 @numba.njit(cache=True)
 def _add_products(row, w, weight, sums):
     """Add a condition to the ``sums``: products of ``row`` and, last, with w."""
-    for k in range(N_ROW):
+    for k in range(len(row)):
         scaled = weight * row[k]
-        for m in range(k, N_ROW):
+        for m in range(k, len(row)):
             sums[k, m] += scaled * row[m]
-        sums[k, N_ROW] += scaled * w
+        sums[k, len(row)] += scaled * w
 
 
 @numba.njit(cache=True)
@@ -161,26 +166,26 @@ def _add_offset(row, by_offset, w, weight, of_ring, ring):
     """Add a condition's products with its derivative by the offset of its ``ring``: with ``row``,
     with itself and, last, with w."""
     scaled = weight * by_offset
-    for k in range(N_ROW):
+    for k in range(len(row)):
         of_ring[ring, k] += scaled * row[k]
-    of_ring[ring, N_ROW] += scaled * by_offset
-    of_ring[ring, N_ROW + 1] += scaled * w
+    of_ring[ring, len(row)] += scaled * by_offset
+    of_ring[ring, len(row) + 1] += scaled * w
 
 
 @numba.njit(cache=True)
 def _add_sums(sums, of_ring, ring_column, n_lever, N, t):
     """Add a cell's sums to N (upper triangle) and t."""
-    n_x = len(t) - N_PLANE - N_NODES
-    where = np.empty(N_ROW, np.int64)
-    for k in range(N_ROW):
-        where[k] = k if k < 3 else n_x - 6 + k
-    for k in range(N_ROW):
-        if n_lever == 0 and 3 <= k < 6:
-            continue
-        for m in range(k, N_ROW):
-            if n_lever > 0 or m < 3 or m >= 6:
-                N[where[k], where[m]] += sums[k, m]
-        t[where[k]] += sums[k, N_ROW]
+    size, n_x = len(sums), len(t) - N_PLANE - N_NODES
+    where = np.empty(size, np.int64)
+    for k in range(size):
+        if k < N_ANGLES:
+            where[k] = k
+        else:  # plane and nodes follow the unknowns, of which the lever arm is the last
+            where[k] = n_x + k - (N_ANGLES if k < size - n_lever else size)
+    for k in range(size):
+        for m in range(k, size):
+            N[min(where[k], where[m]), max(where[k], where[m])] += sums[k, m]
+        t[where[k]] += sums[k, size]
         for r in range(len(ring_column)):
             column = ring_column[r]
             if column >= 0:
@@ -188,5 +193,32 @@ def _add_sums(sums, of_ring, ring_column, n_lever, N, t):
     for r in range(len(ring_column)):
         column = ring_column[r]
         if column >= 0:
-            N[column, column] += of_ring[r, N_ROW]
-            t[column] += of_ring[r, N_ROW + 1]
+            N[column, column] += of_ring[r, size]
+            t[column] += of_ring[r, size + 1]
+
+
+@numba.njit(cache=True)
+def add_cells(N, t, plane, node, N_yy, t_y, N_ty, t_t, D, E):
+    """Add the cells' ``N`` and ``t`` to the normal equations of unknowns and planes, ``N_yy`` and
+    ``t_y``, of the nodes, ``D``, ``E`` and ``t_t``, and between them, ``N_ty``; to the upper
+    triangles of ``N_yy`` and ``D`` alone."""
+    n_x = N.shape[1] - N_PLANE - N_NODES
+    y = np.arange(n_x + N_PLANE)
+    for c in range(len(N)):
+        for k in range(N_PLANE):
+            y[n_x + k] = n_x + N_PLANE * plane[c] + k
+        for k in range(len(y)):
+            t_y[y[k]] += t[c, k]
+            for m in range(k, len(y)):
+                N_yy[y[k], y[m]] += N[c, k, m]
+        for after in range(2):
+            of_node = len(y) + 6 * after
+            for m in range(6):
+                t_t[node[c] + after, m] += t[c, of_node + m]
+                for k in range(len(y)):
+                    N_ty[node[c] + after, m, y[k]] += N[c, k, of_node + m]
+                for k in range(m + 1):
+                    D[node[c] + after, k, m] += N[c, of_node + k, of_node + m]
+        for k in range(6):
+            for m in range(6):
+                E[node[c], k, m] += N[c, len(y) + k, len(y) + 6 + m]

@@ -15,7 +15,7 @@ from paperrepro.adjustment.lever_arm import PRIOR_SIGMA, LeverArmUnknowns
 from paperrepro.adjustment.matched import MatchedFaces, require_spread
 from paperrepro.adjustment.normals import Unknowns, observation_variances
 from paperrepro.adjustment.sightlines import NEARLY, SETTLED, SETTLING
-from paperrepro.adjustment.trajectory_normals import CellBlocks, Cells, cell_blocks
+from paperrepro.adjustment.trajectory_normals import CellBlocks, Cells, add_cells, cell_blocks
 from paperrepro.errors import BadInput, NoConvergence
 from paperrepro.survey import Survey
 
@@ -74,13 +74,13 @@ class TrajectoryModel:
         """Normal equations of the conditions at ``state``, cell by cell; ``settled`` m as
         `sightlines.settle` has it."""
         return cell_blocks(
-            self.cells, self.origin, state.planes, self.unknowns, state.x, state.error,
-            self.variances, self.weight, settled,
+            self.cells, self.origin, state.planes, state.bases()[:, :3, :2], self.unknowns, state.x,
+            state.error, self.variances, self.weight, settled,
         )  # fmt: skip
 
-    def normals(self, state: "State", settled: float = SETTLED) -> "DataNormals":
+    def normals(self, state: "State") -> "DataNormals":
         """Normal equations of the conditions alone, at ``state``."""
-        return assemble(self.blocks(state, settled), self.cells, state, len(self.nodes.time))
+        return assemble(self.blocks(state), self.cells, state)
 
 
 @dataclass(frozen=True)
@@ -130,42 +130,16 @@ class DataNormals:
         return DataNormals(*(factor * part for part in vars(self).values()))
 
 
-def assemble(blocks: CellBlocks, cells: Cells, state: State, n_nodes: int) -> DataNormals:
+def assemble(blocks: CellBlocks, cells: Cells, state: State) -> DataNormals:
     """Sum the cells' blocks into place."""
-    u, n_planes = len(state.x), len(state.planes)
-    Z = state.bases()[cells.plane]
-    N = _reduce_planes(blocks.N, Z, u)
-    t = np.concatenate(
-        [blocks.t[:, :u], np.einsum("cab,ca->cb", Z, blocks.t[:, u : u + 4]), blocks.t[:, u + 4 :]],
-        axis=1,
-    )
-    size = u + 3 * n_planes
-    y_of = np.concatenate(
-        [np.tile(np.arange(u), (len(Z), 1)), u + 3 * cells.plane[:, None] + np.arange(3)], axis=1
-    )
+    size, n_nodes = len(state.x) + 3 * len(state.planes), len(state.error)
     N_yy, t_y = np.zeros((size, size)), np.zeros(size)
-    np.add.at(N_yy, (y_of[:, :, None], y_of[:, None, :]), N[:, : u + 3, : u + 3])
-    np.add.at(t_y, y_of, t[:, : u + 3])
     N_ty, t_t = np.zeros((n_nodes, N_COMPONENTS, size)), np.zeros((n_nodes, N_COMPONENTS))
     D, E = np.zeros((n_nodes, 6, 6)), np.zeros((n_nodes - 1, 6, 6))
-    component = np.arange(N_COMPONENTS)
-    for after in (0, 1):
-        rows = slice(u + 3 + 6 * after, u + 9 + 6 * after)
-        node = cells.node + after
-        place = (node[:, None, None], component[None, :, None], y_of[:, None, :])
-        np.add.at(N_ty, place, N[:, rows, : u + 3])
-        np.add.at(t_t, node, t[:, rows])
-        np.add.at(D, node, N[:, rows, rows])
-    np.add.at(E, cells.node, N[:, u + 3 : u + 9, u + 9 : u + 15])
+    add_cells(blocks.N, blocks.t, cells.plane, cells.node, N_yy, t_y, N_ty, t_t, D, E)
+    N_yy += np.triu(N_yy, 1).T
+    D += np.triu(D, 1).transpose(0, 2, 1)
     return DataNormals(N_yy, t_y, N_ty, t_t, D, E, float(blocks.chi2.sum()))
-
-
-def _reduce_planes(N: np.ndarray, Z: np.ndarray, u: int) -> np.ndarray:
-    """Blocks (C, u + 15, u + 15) with each plane's four parameters replaced by its three."""
-    before, plane, after = slice(0, u), slice(u, u + 4), slice(u + 4, None)
-    half = np.concatenate([N[:, :, before], N[:, :, plane] @ Z, N[:, :, after]], axis=2)
-    turned = Z.transpose(0, 2, 1) @ half[:, plane]
-    return np.concatenate([half[:, before], turned, half[:, after]], axis=1)
 
 
 @dataclass(frozen=True)
@@ -217,18 +191,29 @@ def prior_chi2(prior: GaussMarkov, time: np.ndarray, error: np.ndarray) -> float
     return float((diagonal * error**2).sum() + 2 * (beside * error[1:] * error[:-1]).sum())
 
 
-def iterate(
-    model: TrajectoryModel, prior: GaussMarkov, state: State
-) -> tuple[State, Step, DataNormals, int]:
+@dataclass(frozen=True)
+class Solution:
+    """``state`` after ``iterations``, the last ``step`` to it, and from where that was taken the
+    normal equations, ``data``, with their ``blocks``."""
+
+    state: State
+    step: Step
+    data: DataNormals
+    blocks: CellBlocks
+    iterations: int
+
+
+def iterate(model: TrajectoryModel, prior: GaussMarkov, state: State) -> Solution:
     """Gauss-Newton from ``state``; raises `NoConvergence`."""
     settled = SETTLING
     for iteration in range(1, MAX_ITERATIONS + 1):
-        data = model.normals(state, settled)
+        blocks = model.blocks(state, settled)
+        data = assemble(blocks, model.cells, state)
         step = eliminate(data, prior, model.nodes.time, state, model.pseudo_weight)
         state = state.moved(step.dy, step.d_error)
         change = max(np.abs(step.dy).max(), np.abs(step.d_error).max())
         if change < TOLERANCE and settled == SETTLED:
-            return state, step, data, iteration
+            return Solution(state, step, data, blocks, iteration)
         if change < NEARLY:
             settled = SETTLED
     raise NoConvergence(

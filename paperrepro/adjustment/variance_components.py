@@ -67,8 +67,8 @@ def estimate(
     # every condition speaks of the range, few of the rest: in these steps all matter alike
     step = np.array([1 / np.sqrt(2 * len(model.matched.rays)), 1.0, 1.0, 1.0])
     for _ in range(ROUNDS):
-        state, _, _, _ = iterate(components.apply(model), components.prior(specified), state)
-        data = model.normals(state)
+        solution = iterate(components.apply(model), components.prior(specified), state)
+        state, data = solution.state, solution.data.scaled(components.range**2)
         found = minimize(
             lambda z, *rest: _objective(step * z, *rest),
             components.theta() / step,

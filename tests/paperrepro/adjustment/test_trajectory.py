@@ -90,7 +90,7 @@ def test_elimination_equals_the_dense_system():
     matched, _ = flown(3, count=15, n_roofs=3)
     model = TrajectoryModel.prepare(survey, matched, "per_ring", 2.0)
     prior = specified_process(NAVIGATION)
-    state, _, _, _ = iterate(model, prior, model.start(model.unknowns.start()))
+    state = iterate(model, prior, model.start(model.unknowns.start())).state
     state = replace(state, x=state.x + 1e-5)  # away from the solution: a step that is not zero
     step = eliminate(model.normals(state), prior, model.nodes.time, state, model.pseudo_weight)
     N, t, size = dense_normals(model, prior, state)
