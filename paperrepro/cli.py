@@ -1,4 +1,4 @@
-"""The command line. Exit codes: 0 done; 2 bad input, one line on stderr; 1 anything else."""
+"""The command line. Exit codes: 0 done; 2 bad input, one line on stderr; 130 stopped; 1 others."""
 
 import argparse
 import sys
@@ -20,6 +20,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except PaperReproError as error:
         print(f"paperrepro: {error}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        print("paperrepro: stopped", file=sys.stderr)
+        return 130
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -1,8 +1,11 @@
 """Notebooks as programs: the parameters that they declare, and one execution of them."""
 
 import ast
+import contextlib
 import logging
+import os
 import shutil
+import signal
 import tempfile
 import weakref
 from collections.abc import Mapping
@@ -57,6 +60,37 @@ class LocalKernelManager(AsyncKernelManager):
         folder = tempfile.mkdtemp(prefix="kernel-")
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         return str(Path(folder) / "ipc")
+
+    async def _async_interrupt_kernel(self) -> None:
+        """Not when it is asked to end anyway: a kernel that is about to be idle would report the
+        interruption as an error."""
+        if not self.shutting_down:
+            await super()._async_interrupt_kernel()
+
+    def kill(self) -> None:
+        """End the kernel, and what it started, at once."""
+        process = getattr(self.provisioner, "process", None)
+        if process is not None:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+class _Interruptible(LocalKernelManager):
+    """Is known to `kill_kernels`."""
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        _executing.add(self)
+
+
+_executing: "weakref.WeakSet[LocalKernelManager]" = weakref.WeakSet()
+
+
+def kill_kernels() -> None:
+    """End what `execute` runs in other threads: it fails there."""
+    for manager in list(_executing):
+        manager.kill()
 
 
 def declared(notebook: Path) -> dict[str, Parameter]:
@@ -115,7 +149,7 @@ def execute(
             dict(parameters),
             kernel_name="python3",
             progress_bar=False,
-            **(engine or {"kernel_manager_class": LocalKernelManager}),
+            **(engine or {"kernel_manager_class": _Interruptible}),
         )
     except PapermillExecutionError as error:
         reason = f"{error.ename}: {error.evalue}"

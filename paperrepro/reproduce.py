@@ -16,7 +16,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from paperrepro.errors import BadInput
-from paperrepro.notebooks import OUTPUT, NotebookFailed, declared, execute
+from paperrepro.notebooks import OUTPUT, NotebookFailed, declared, execute, kill_kernels
 from paperrepro.tables import write_csv
 
 NOTEBOOKS = Path(__file__).resolve().parent.parent / "notebooks"
@@ -35,6 +35,8 @@ def reproduce(
     """Run the notebooks (those whose names start with one of ``only``, or all) into ``out``.
 
     ``jobs`` run at a time; what two of them need is computed once, the other waits for it.
+
+    Ctrl-C ends the notebooks that run, and ``out`` is as it was.
 
     Returns the seconds each took. Raises `BadInput` for a parameter that a notebook lacks, and
     `NotebookFailed`, which names notebook, cell and error.
@@ -95,6 +97,12 @@ def _run_all(
                 bar.update()
         except NotebookFailed:
             pool.shutdown(cancel_futures=True)
+            raise
+        except KeyboardInterrupt:
+            pool.shutdown(wait=False, cancel_futures=True)
+            while not all(future.done() for future in futures):
+                kill_kernels()
+                time.sleep(0.1)
             raise
     return seconds
 

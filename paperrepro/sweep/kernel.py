@@ -6,9 +6,7 @@ not used again, nor one that another sweep started, whose code may be older.
 
 import asyncio
 import atexit
-import contextlib
 import os
-import signal
 import sys
 import threading
 from collections.abc import Callable, Mapping
@@ -78,10 +76,7 @@ class Kernel:
         """End it and what it started at once; may be called from any thread, and twice."""
         if self in _running:
             _running.discard(self)
-            process = self._manager.provisioner.process
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
+            self._manager.kill()
             self._manager.cleanup_connection_file()
 
 

@@ -1,5 +1,10 @@
 """Executing notebooks: parameters checked first, results moved whole, failures named."""
 
+import os
+import signal
+import threading
+import time
+
 import nbformat
 import pandas as pd
 import pytest
@@ -63,6 +68,24 @@ def test_a_failing_notebook_is_named_and_changes_nothing(books, tmp_path):
     assert (out / "01_part.txt").read_text() == "earlier"
     assert (out / "executed" / "02_part.ipynb").exists()
     assert sorted(p.name for p in out.iterdir()) == ["01_part.txt", "executed"]
+
+
+@pytest.mark.slow
+def test_stopped_it_ends_what_runs_and_changes_nothing(books, tmp_path):
+    out, begun = tmp_path / "out", tmp_path / "begun"
+    waits = f"import pathlib, time; pathlib.Path({str(begun)!r}).touch(); time.sleep(600)"
+    notebook(books, "01_part", waits)
+    notebook(books, "03_part", waits)
+
+    def stop():
+        while not begun.exists():
+            time.sleep(0.1)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=stop, daemon=True).start()
+    with pytest.raises(KeyboardInterrupt):
+        reproduce.reproduce(out, {"seed": 7}, jobs=2)
+    assert list(out.iterdir()) == []
 
 
 def test_unknown_parameters_are_refused_before_anything_runs(books, tmp_path):
