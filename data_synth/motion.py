@@ -37,7 +37,7 @@ class Disturbance:
         """Values (M, 6) and rates (M, 6)."""
         value, rate = np.empty((len(time), 6)), np.empty((len(time), 6))
         waves = self.amplitude, self.omega, self.phase
-        over_threads(_sinusoids, len(time), 1024, time, *waves, value, rate)
+        over_threads(_sinusoids, len(time), time, *waves, value, rate, least=1024)
         return value, rate
 
 
@@ -90,7 +90,7 @@ class Motion:
         value, rate = self._exact(self.start + FINE_STEP * np.arange(first, last + 1))
         pose = np.empty((len(time), 6))
         origin = self.start + FINE_STEP * first
-        over_threads(_hermite, len(time), 4096, time, origin, FINE_STEP, value, rate, pose)
+        over_threads(_hermite, len(time), time, origin, FINE_STEP, value, rate, pose)
         return pose
 
     def record(self) -> Trajectory:

@@ -52,7 +52,7 @@ class Raycaster:
             hit = self._scene.cast_rays(o3d.core.Tensor(single))["primitive_ids"].numpy()
             out = distance[part], triangle[part]
             rays = origin[part], direction[part]
-            over_threads(_distances, len(hit), 4096, *rays, hit, self._planes, *out)
+            over_threads(_distances, len(hit), *rays, hit, self._planes, *out)
         return distance, triangle
 
 
@@ -74,7 +74,7 @@ def aim(pose, azimuth, elevation, mounting: Mounting) -> tuple[np.ndarray, np.nd
     """Origins and directions (N, 3), m-frame, of beams fired at ``pose`` (N, 6)."""
     origin, direction = np.empty((len(pose), 3)), np.empty((len(pose), 3))
     given = pose, azimuth, elevation, mounting.R_l_b, mounting.lever_arm
-    over_threads(_aim, len(pose), 4096, *given, origin, direction)
+    over_threads(_aim, len(pose), *given, origin, direction)
     return origin, direction
 
 

@@ -28,7 +28,6 @@ def georeference(rays: Rays, mounting: Mounting) -> np.ndarray:
     over_threads(
         _georeference,
         len(rays),
-        4096,
         rays.pose,
         rays.ring,
         rays.azimuth,

@@ -17,6 +17,8 @@ import numba
 #: Tasks that a call is cut into at most, whatever the number of threads: what a task starts from
 #: is then the same on every machine, to the last bit.
 TASKS = 16
+#: Fewer points are not worth a task.
+POINTS = 4096
 
 
 def source_key(package: Path) -> str:
@@ -42,7 +44,7 @@ def threads() -> int:
     return numba.config.NUMBA_NUM_THREADS
 
 
-def over_threads(kernel: Callable, count: int, least: int, *arguments) -> None:
+def over_threads(kernel: Callable, count: int, *arguments, least: int = POINTS) -> None:
     """``kernel(first, last, *arguments)`` over ``count`` items, at least ``least`` a task.
 
     ``kernel`` is compiled with ``nogil``, and no item's result depends on another's. Compiling such

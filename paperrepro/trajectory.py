@@ -43,7 +43,7 @@ class Trajectory:
         self._require_cover(time, name)
         pose, rate = self._nodes()
         out = np.empty((len(time), 6))
-        over_threads(_hermite, len(time), 4096, self.time, pose, rate, time, out)
+        over_threads(_hermite, len(time), self.time, pose, rate, time, out)
         return out
 
     def _nodes(self) -> tuple[np.ndarray, np.ndarray]:

@@ -45,8 +45,8 @@ def face_states(
     R_l_b, dR_l_b, *mounted = unknowns.kernel_arguments(x)
     turned = R_l_b, axes(R_l_b, dR_l_b), *mounted
     over_threads(
-        _face_sums, n_faces, 1, *Sightlines.of(rays).columns(), ranges, *turned, centroid, J,
-        scatter, cross,
+        _face_sums, n_faces, *Sightlines.of(rays).columns(), ranges, *turned, centroid, J,
+        scatter, cross, least=1,
     )  # fmt: skip
     count = ranges[:, 1] - ranges[:, 0]
     plane, J_plane = _plane_of_scatter(centroid, J, scatter, cross)

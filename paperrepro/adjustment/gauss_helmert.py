@@ -12,14 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from paperrepro.adjustment.gauss_newton import MAX_ITERATIONS, TOLERANCE, Iterations
 from paperrepro.adjustment.normals import Blocks
 from paperrepro.adjustment.observability import Observability, no_convergence, require_determined
-from paperrepro.adjustment.sightlines import NEARLY, SETTLED, SETTLING
 from paperrepro.errors import RankDefect, TooFewPlanes
-
-MAX_ITERATIONS = 50
-#: Largest correction, rad and m, at which the iterations end.
-TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -73,24 +69,22 @@ def solve_free(
 
     Raises `NoConvergence`, `RankDefect`.
     """
-    settled = SETTLING
-    for iteration in range(1, MAX_ITERATIONS + 1):  # noqa: B007
-        condition = blocks(x, planes, settled)
+    iterations = Iterations()
+    while not iterations.converged:
+        condition = blocks(x, planes, iterations.settled)
         inverse = _bordered_inverse(condition, planes)
         data = _schur(condition, inverse, planes)
         dx = _correction(data, pseudo, x)
         d_planes = _back_substitute(condition, inverse, planes, dx)
         x, planes = x + dx, planes + d_planes
-        change = max(np.abs(dx).max(), np.abs(d_planes).max())
-        if change < TOLERANCE and settled == SETTLED:
-            break
-        if change < NEARLY:
-            settled = SETTLED
-    else:
-        raise _no_convergence(data, pseudo, dx)
+        iterations.take(dx, d_planes)
+        if iterations.too_many:
+            raise _no_convergence(data, pseudo, dx)
     Q = np.linalg.inv(data.S + pseudo.normals(x).S)
     Q_planes = _plane_cofactors(condition, inverse, Q)
-    return _solution(x, planes, Q, Q_planes, data.S, condition, pseudo, iteration, 3 * len(planes))
+    return _solution(
+        x, planes, Q, Q_planes, data.S, condition, pseudo, iterations.made, 3 * len(planes)
+    )
 
 
 def solve_reference(
@@ -104,22 +98,18 @@ def solve_reference(
     ``plane_states(x)`` gives planes (G, 4) and their derivatives (G, 4, u).
     Raises `NoConvergence`, `RankDefect`.
     """
-    settled = SETTLING
-    for iteration in range(1, MAX_ITERATIONS + 1):  # noqa: B007
+    iterations = Iterations()
+    while not iterations.converged:
         planes, J = plane_states(x)
-        condition = blocks(x, planes, settled)
+        condition = blocks(x, planes, iterations.settled)
         data = _fold(condition, J)
         dx = _correction(data, pseudo, x)
         x = x + dx
-        change = np.abs(dx).max()
-        if change < TOLERANCE and settled == SETTLED:
-            break
-        if change < NEARLY:
-            settled = SETTLED
-    else:
-        raise _no_convergence(data, pseudo, dx)
+        iterations.take(dx)
+        if iterations.too_many:
+            raise _no_convergence(data, pseudo, dx)
     Q = np.linalg.inv(data.S + pseudo.normals(x).S)
-    return _solution(x, planes, Q, None, data.S, condition, pseudo, iteration, 0)
+    return _solution(x, planes, Q, None, data.S, condition, pseudo, iterations.made, 0)
 
 
 def _solution(

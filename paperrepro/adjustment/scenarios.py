@@ -22,11 +22,12 @@ from paperrepro.adjustment import centroids as eq5
 from paperrepro.adjustment import remembered
 from paperrepro.adjustment.faces import FaceStates, face_states
 from paperrepro.adjustment.gauss_helmert import Pseudo, Solution, solve_free, solve_reference
+from paperrepro.adjustment.gauss_newton import SETTLED
 from paperrepro.adjustment.matched import MatchedFaces, require_spread, require_width
 from paperrepro.adjustment.normals import Blocks, Unknowns, observation_variances, point_blocks
 from paperrepro.adjustment.observability import Observability
 from paperrepro.adjustment.result import CalibrationResult
-from paperrepro.adjustment.sightlines import SETTLED, Sightlines
+from paperrepro.adjustment.sightlines import Sightlines
 from paperrepro.errors import BadInput, TooFewPlanes
 from paperrepro.survey import Survey
 

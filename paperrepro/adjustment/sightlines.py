@@ -16,11 +16,6 @@ from paperrepro.kernels import over_threads
 from paperrepro.sines import sines_near, turned
 from paperrepro.survey import Rays
 
-#: Change of a misclosure, m, at which a point's adjusted observations are final: each step gains
-#: some five digits, so what is left is rounding. While the unknowns still move, by more than
-#: `NEARLY` rad or m, `SETTLING` does: what it leaves out moves them by less than 1e-9.
-SETTLED, SETTLING, NEARLY = 1e-10, 1e-4, 1e-6
-
 
 @dataclass(frozen=True)
 class Sightlines:
@@ -38,7 +33,7 @@ class Sightlines:
         if isinstance(rays, Sightlines):
             return rays
         turns = np.empty((len(rays), 10))
-        over_threads(_turns, len(rays), 4096, rays.pose, rays.azimuth, rays.elevation, turns)
+        over_threads(_turns, len(rays), rays.pose, rays.azimuth, rays.elevation, turns)
         return cls(np.ascontiguousarray(rays.pose[:, :3]), turns, rays.rho, rays.ring)
 
     def columns(self) -> tuple:

@@ -12,10 +12,12 @@ import numba
 import numpy as np
 
 from paperrepro.adjustment.gauss_markov import Nodes
+from paperrepro.adjustment.gauss_newton import SETTLED
 from paperrepro.adjustment.lever_arm import LeverArmUnknowns
 from paperrepro.adjustment.matched import MatchedFaces
 from paperrepro.adjustment.normals import Unknowns
-from paperrepro.adjustment.sightlines import SETTLED, Sightlines, axes, moved, ray, settle
+from paperrepro.adjustment.products import add_offset, add_products, add_sums
+from paperrepro.adjustment.sightlines import Sightlines, axes, moved, ray, settle
 from paperrepro.georeference import body_to_map
 from paperrepro.kernels import over_threads
 
@@ -86,10 +88,10 @@ def cell_blocks(
     N, t, chi2 = np.zeros((n_cells, size, size)), np.zeros((n_cells, size)), np.zeros(n_cells)
     R_l_b, dR_l_b, *mounted = unknowns.kernel_arguments(x)
     over_threads(
-        _cell_blocks, n_cells, 8, *cells.sight.columns(), cells.share, cells.ranges, cells.node,
+        _cell_blocks, n_cells, *cells.sight.columns(), cells.share, cells.ranges, cells.node,
         origin[cells.plane], planes[cells.plane], turns[cells.plane], weight[cells.face], error,
         R_l_b, axes(R_l_b, dR_l_b), *mounted, variances, settled,
-        N_LEVER if isinstance(unknowns, LeverArmUnknowns) else 0, N, t, chi2,
+        N_LEVER if isinstance(unknowns, LeverArmUnknowns) else 0, N, t, chi2, least=8,
     )  # fmt: skip
     return CellBlocks(N, t, chi2)
 
@@ -104,7 +106,9 @@ def _cell_blocks(
     size = N_ANGLES + N_PLANE + N_NODES + n_lever
     v, b, seen, e, row = np.empty(9), np.empty(9), np.empty(8), np.empty(6), np.empty(size)
     sums, of_ring = np.empty((size, size + 1)), np.empty((len(ring_column), size + 2))
-    per_ring = ring_column.max() >= 0
+    per_ring, n_x = ring_column.max() >= 0, t.shape[1] - N_PLANE - N_NODES
+    where = np.arange(size) + n_x - N_ANGLES  # plane and nodes follow the unknowns
+    where[:N_ANGLES], where[size - n_lever :] = np.arange(N_ANGLES), np.arange(n_x - n_lever, n_x)
     for c in range(first, last):
         before, after = error[node[c]], error[node[c] + 1]
         plane, near, of_cell = planes[c], origin[c], weight[c]
@@ -121,11 +125,11 @@ def _cell_blocks(
             _fill_row(seen, b, share[i], plane_turns[c], row)
             if n_lever > 0:
                 _fill_lever(plane, then, row)
-            _add_products(row, w, of_cell / s, sums)
+            add_products(row, w, of_cell / s, sums)
             if per_ring:
-                _add_offset(row, seen[3], w, of_cell / s, of_ring, ring[i])
+                add_offset(row, seen[3], w, of_cell / s, of_ring, ring[i])
             chi2[c] += of_cell * w * w / s
-        _add_sums(sums, of_ring, ring_column, n_lever, N[c], t[c])
+        add_sums(sums, of_ring, where, ring_column, N[c], t[c])
 
 
 @numba.njit(cache=True)
@@ -149,52 +153,6 @@ def _fill_lever(plane, turns, row):
     R = body_to_map(turns)
     for k in range(3):
         row[18 + k] = plane[0] * R[0][k] + plane[1] * R[1][k] + plane[2] * R[2][k]
-
-
-@numba.njit(cache=True)
-def _add_products(row, w, weight, sums):
-    """Add a condition to the ``sums``: products of ``row`` and, last, with w."""
-    for k in range(len(row)):
-        scaled = weight * row[k]
-        for m in range(k, len(row)):
-            sums[k, m] += scaled * row[m]
-        sums[k, len(row)] += scaled * w
-
-
-@numba.njit(cache=True)
-def _add_offset(row, by_offset, w, weight, of_ring, ring):
-    """Add a condition's products with its derivative by the offset of its ``ring``: with ``row``,
-    with itself and, last, with w."""
-    scaled = weight * by_offset
-    for k in range(len(row)):
-        of_ring[ring, k] += scaled * row[k]
-    of_ring[ring, len(row)] += scaled * by_offset
-    of_ring[ring, len(row) + 1] += scaled * w
-
-
-@numba.njit(cache=True)
-def _add_sums(sums, of_ring, ring_column, n_lever, N, t):
-    """Add a cell's sums to N (upper triangle) and t."""
-    size, n_x = len(sums), len(t) - N_PLANE - N_NODES
-    where = np.empty(size, np.int64)
-    for k in range(size):
-        if k < N_ANGLES:
-            where[k] = k
-        else:  # plane and nodes follow the unknowns, of which the lever arm is the last
-            where[k] = n_x + k - (N_ANGLES if k < size - n_lever else size)
-    for k in range(size):
-        for m in range(k, size):
-            N[min(where[k], where[m]), max(where[k], where[m])] += sums[k, m]
-        t[where[k]] += sums[k, size]
-        for r in range(len(ring_column)):
-            column = ring_column[r]
-            if column >= 0:
-                N[min(column, where[k]), max(column, where[k])] += of_ring[r, k]
-    for r in range(len(ring_column)):
-        column = ring_column[r]
-        if column >= 0:
-            N[column, column] += of_ring[r, size]
-            t[column] += of_ring[r, size + 1]
 
 
 @numba.njit(cache=True)

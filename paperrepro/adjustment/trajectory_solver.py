@@ -11,16 +11,13 @@ import numpy as np
 from paperrepro.adjustment.block_tridiagonal import Factor, factorise
 from paperrepro.adjustment.faces import face_states
 from paperrepro.adjustment.gauss_markov import N_COMPONENTS, GaussMarkov, Nodes
+from paperrepro.adjustment.gauss_newton import MAX_ITERATIONS, SETTLED, TOLERANCE, Iterations
 from paperrepro.adjustment.lever_arm import PRIOR_SIGMA, LeverArmUnknowns
 from paperrepro.adjustment.matched import MatchedFaces, require_spread
 from paperrepro.adjustment.normals import Unknowns, observation_variances
-from paperrepro.adjustment.sightlines import NEARLY, SETTLED, SETTLING
 from paperrepro.adjustment.trajectory_normals import CellBlocks, Cells, add_cells, cell_blocks
 from paperrepro.errors import BadInput, NoConvergence
 from paperrepro.survey import Survey
-
-MAX_ITERATIONS = 50
-TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -205,18 +202,16 @@ class Solution:
 
 def iterate(model: TrajectoryModel, prior: GaussMarkov, state: State) -> Solution:
     """Gauss-Newton from ``state``; raises `NoConvergence`."""
-    settled = SETTLING
-    for iteration in range(1, MAX_ITERATIONS + 1):
-        blocks = model.blocks(state, settled)
+    iterations = Iterations()
+    while not iterations.too_many:
+        blocks = model.blocks(state, iterations.settled)
         data = assemble(blocks, model.cells, state)
         step = eliminate(data, prior, model.nodes.time, state, model.pseudo_weight)
         state = state.moved(step.dy, step.d_error)
-        change = max(np.abs(step.dy).max(), np.abs(step.d_error).max())
-        if change < TOLERANCE and settled == SETTLED:
-            return Solution(state, step, data, blocks, iteration)
-        if change < NEARLY:
-            settled = SETTLED
+        iterations.take(step.dy, step.d_error)
+        if iterations.converged:
+            return Solution(state, step, data, blocks, iterations.made)
     raise NoConvergence(
         f"scenario D: no convergence after {MAX_ITERATIONS} iterations, last correction "
-        f"{np.abs(step.dy).max():.2e} (limit {TOLERANCE:.0e}); look for wrong matches"
+        f"{iterations.change:.2e} (limit {TOLERANCE:.0e}); look for wrong matches"
     )

@@ -54,7 +54,7 @@ def laser_rays(
     under ``mounting``: Eq. (1) and (2) backwards, without range offsets."""
     out = np.empty((3, len(p_m)))
     R_b_l, lever = np.ascontiguousarray(mounting.R_l_b.T), np.asarray(mounting.lever_arm, float)
-    over_threads(_laser_rays, len(p_m), 4096, pose, np.ascontiguousarray(p_m), R_b_l, lever, out)
+    over_threads(_laser_rays, len(p_m), pose, np.ascontiguousarray(p_m), R_b_l, lever, out)
     return out[0], out[1], out[2]
 
 

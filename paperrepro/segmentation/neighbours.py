@@ -33,7 +33,7 @@ def mean_neighbour_distance(p_m: np.ndarray, k: int) -> np.ndarray:
     low, cell, shape = grid
     out = np.empty(len(p_m))
     start, order, q = _sorted_by_cell(p_m, low, cell, shape)
-    over_threads(_by_grid, len(out), 4096, q, k, low, cell, shape, start, order, out)
+    over_threads(_by_grid, len(out), q, k, low, cell, shape, start, order, out)
     return out
 
 

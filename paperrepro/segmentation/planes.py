@@ -99,7 +99,7 @@ def neighbourhood(p_m: np.ndarray, k: int, reach_m: float) -> Neighbourhood:
     _, index = tree.query(p_m, k=np.arange(1, count + 1), distance_upper_bound=reach_m, workers=-1)
     index = np.where(index < len(p_m), index, -1)
     normal, residual = np.empty((len(p_m), 3)), np.empty(len(p_m))
-    over_threads(_local_planes, len(index), 4096, p_m, index, normal, residual)
+    over_threads(_local_planes, len(index), p_m, index, normal, residual)
     return Neighbourhood(index[:, 1:], normal, residual)
 
 

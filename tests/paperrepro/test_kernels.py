@@ -59,7 +59,7 @@ def test_every_item_is_worked_on_once(count, least, threads, monkeypatch):
         tasks.append(last - first)
         seen[first:last] += 1
 
-    over_threads(kernel, count, least, seen)
+    over_threads(kernel, count, seen, least=least)
     assert (seen == 1).all()
     assert len(tasks) <= TASKS
     assert sum(size < least for size in tasks) <= 1  # the last one
@@ -73,4 +73,4 @@ def test_an_error_of_a_thread_is_raised(monkeypatch):
             raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        over_threads(kernel, 10, 1)
+        over_threads(kernel, 10, least=1)

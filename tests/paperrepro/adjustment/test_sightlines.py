@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from paperrepro.adjustment.sightlines import SETTLED, Sightlines, axes, settle
+from paperrepro.adjustment.gauss_newton import SETTLED
+from paperrepro.adjustment.sightlines import Sightlines, axes, settle
 from paperrepro.frames import R_NOMINAL, boresight_matrix
 from paperrepro.georeference import boresight_derivatives, point_jacobians
 from paperrepro.survey import Rays
