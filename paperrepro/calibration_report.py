@@ -58,6 +58,11 @@ class Table:
     lines: list[tuple[str, ...]]
     words: frozenset[int] = frozenset({0})
 
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Of each column, by which the page sets it."""
+        return tuple("word" if k in self.words else "number" for k in range(len(self.heads)))
+
 
 def page(own: OwnFlight, pictures: Mapping[str, Picture], files: Mapping[str, str], notes) -> str:
     """The report as text. ``pictures`` by the names that the template asks for, ``files`` that

@@ -1,5 +1,6 @@
 """Whole commands: a sweep by one worker and by two, and the full-density reproduction."""
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -12,9 +13,9 @@ import psutil
 NOISE, SEEDS = "0,1", 6
 
 
-def measured(*arguments: str, **variables: str) -> tuple[float, int]:
-    """Seconds of ``paperrepro`` with these arguments, and the most memory, bytes, that its
-    processes had together, what they share counted once; looked at twice a second."""
+def measured(*arguments: str, memory: bool = False, **variables: str) -> tuple[float, int]:
+    """Seconds of ``paperrepro`` with these arguments, and with ``memory`` the most, bytes, that its
+    processes had together, what they share counted once; looked at once a second."""
     command = [sys.executable, "-m", "paperrepro", *arguments]
     start, most = time.perf_counter(), 0
     with tempfile.TemporaryFile() as told:
@@ -22,8 +23,10 @@ def measured(*arguments: str, **variables: str) -> tuple[float, int]:
             command, env={**os.environ, **variables}, stdout=told, stderr=subprocess.STDOUT
         )
         while process.poll() is None:
-            most = max(most, _memory(process.pid))
-            time.sleep(0.5)
+            if memory:
+                most = max(most, _memory(process.pid))
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(timeout=1.0)
         seconds = time.perf_counter() - start
         if process.returncode:
             told.seek(0)
@@ -56,5 +59,5 @@ def paper_profile() -> dict:
     """Every notebook at full density, with nothing cached."""
     with tempfile.TemporaryDirectory() as out, tempfile.TemporaryDirectory() as cache:
         command = "reproduce", "--profile", "paper", "--out", out
-        seconds, most = measured(*command, PAPERREPRO_CACHE=cache)
+        seconds, most = measured(*command, memory=True, PAPERREPRO_CACHE=cache)
     return {"stage": "paper profile", "every": 1, "seconds": seconds, "memory_gib": most / 2**30}
