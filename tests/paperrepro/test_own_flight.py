@@ -49,6 +49,14 @@ def test_planes_of_any_kind_find_the_truth(any_planes, flown):
     assert ((slope > 10) & (slope < 60)).sum() > 10
 
 
+def test_fewer_than_four_strips_leave_the_noise_as_specified_and_say_so(any_planes, flown):
+    assert any_planes.result.components is not None
+    assert not any("specified" in remark for remark in any_planes.remarks)
+    three = calibrate_flight(part(flown.survey, "F1", "F2", "F7"), "D", "any")
+    assert three.result.components is None
+    assert "3 strips do not show it" in three.remarks[-1]
+
+
 def test_gables_serve_by_default_where_there_are_enough(few, flown):
     said = []
     own = calibrate_flight(few, progress=said.append)
