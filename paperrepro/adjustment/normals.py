@@ -15,7 +15,6 @@ import numba
 import numpy as np
 
 from paperrepro.adjustment.gauss_newton import SETTLED
-from paperrepro.adjustment.products import add_offset, add_products, add_sums
 from paperrepro.adjustment.sightlines import Sightlines, axes, ray, settle
 from paperrepro.frames import boresight_matrix
 from paperrepro.georeference import boresight_derivatives
@@ -133,22 +132,41 @@ def _point_blocks(
     offsets, ring_column, variances, settled, N, t, chi2,
 ):  # fmt: skip
     """Fill ``N``, ``t`` and ``chi2`` of planes ``first`` to ``last``."""
-    v, b, seen, row = np.empty(9), np.empty(9), np.empty(8), np.empty(7)
-    sums, of_ring = np.empty((7, 8)), np.empty((len(ring_column), 9))
-    per_ring, size = ring_column.max() >= 0, t.shape[1]
-    where = np.array((0, 1, 2, size - 4, size - 3, size - 2, size - 1))
+    v, b, row = np.empty(9), np.empty(9), np.empty(8)
+    per_ring = ring_column.max() >= 0
     for g in range(first, last):
+        sums = np.zeros((len(ring_column) if per_ring else 1, 8, 9))
         plane, near = planes[g], origin[g]
-        sums[:], of_ring[:] = 0.0, 0.0
         for i in range(ranges[g, 0], ranges[g, 1]):
             there, then = ray(position, turns, i)
             w, s = settle(
                 there, then, rho[i], plane, near, R_l_b, turn_axes, lever, offsets[ring[i]],
-                variances, settled, v, b, seen,
+                variances, settled, v, b, row,
             )  # fmt: skip
-            row[:3], row[3:] = seen[:3], seen[4:]
-            add_products(row, w, 1.0 / s, sums)
-            if per_ring:
-                add_offset(row, seen[3], w, 1.0 / s, of_ring, ring[i])
+            _add_products(row, w, 1.0 / s, sums, ring[i] if per_ring else 0)
             chi2[g] += w * w / s
-        add_sums(sums, of_ring, where, ring_column, N[g], t[g])
+        for k in range(len(sums)):
+            _add_sums(sums[k], ring_column[k], N[g], t[g])
+
+
+@numba.njit(cache=True)
+def _add_products(row, w, weight, sums, ring):
+    """Add a condition to the ``sums`` (rings, 8, 9) of its ring: products of ``row`` and, last,
+    with w."""
+    for k in range(8):
+        scaled = weight * row[k]
+        for m in range(k, 8):
+            sums[ring, k, m] += scaled * row[m]
+        sums[ring, k, 8] += scaled * w
+
+
+@numba.njit(cache=True)
+def _add_sums(sums, column, N, t):
+    """Add a ring's ``sums`` to N (upper triangle) and t; its offset is at ``column``, or held."""
+    where = np.array((0, 1, 2, column, len(t) - 4, len(t) - 3, len(t) - 2, len(t) - 1))
+    for k in range(8):
+        for m in range(k, 8):
+            if where[k] >= 0 and where[m] >= 0:
+                N[where[k], where[m]] += sums[k, m]
+        if where[k] >= 0:
+            t[where[k]] += sums[k, 8]

@@ -16,13 +16,14 @@ from paperrepro.adjustment.gauss_newton import SETTLED
 from paperrepro.adjustment.lever_arm import LeverArmUnknowns
 from paperrepro.adjustment.matched import MatchedFaces
 from paperrepro.adjustment.normals import Unknowns
-from paperrepro.adjustment.products import add_offset, add_products, add_sums
 from paperrepro.adjustment.sightlines import Sightlines, axes, moved, ray, settle
 from paperrepro.georeference import body_to_map
 from paperrepro.kernels import over_threads
 
 N_ANGLES, N_PLANE, N_LEVER = 3, 3, 3
 N_NODES = 12  # two nodes of six components
+#: A row of A without offset and lever arm. Loops of a length that is known are twice as fast.
+N_ROW = N_ANGLES + N_PLANE + N_NODES
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ def _cell_blocks(
     chi2,
 ):  # fmt: skip
     """Fill ``N``, ``t`` and ``chi2`` of cells ``first`` to ``last``."""
-    size = N_ANGLES + N_PLANE + N_NODES + n_lever
+    size = N_ROW + n_lever
     v, b, seen, e, row = np.empty(9), np.empty(9), np.empty(8), np.empty(6), np.empty(size)
     sums, of_ring = np.empty((size, size + 1)), np.empty((len(ring_column), size + 2))
     per_ring, n_x = ring_column.max() >= 0, t.shape[1] - N_PLANE - N_NODES
@@ -125,11 +126,11 @@ def _cell_blocks(
             _fill_row(seen, b, share[i], plane_turns[c], row)
             if n_lever > 0:
                 _fill_lever(plane, then, row)
-            add_products(row, w, of_cell / s, sums)
+            _add_products(row, w, of_cell / s, sums)
             if per_ring:
-                add_offset(row, seen[3], w, of_cell / s, of_ring, ring[i])
+                _add_offset(row, seen[3], w, of_cell / s, of_ring, ring[i])
             chi2[c] += of_cell * w * w / s
-        add_sums(sums, of_ring, where, ring_column, N[c], t[c])
+        _add_sums(sums, of_ring, where, ring_column, N[c], t[c])
 
 
 @numba.njit(cache=True)
@@ -152,7 +153,55 @@ def _fill_lever(plane, turns, row):
     """The plane's normal in the b-frame: Eq. (1) adds the lever arm there."""
     R = body_to_map(turns)
     for k in range(3):
-        row[18 + k] = plane[0] * R[0][k] + plane[1] * R[1][k] + plane[2] * R[2][k]
+        row[N_ROW + k] = plane[0] * R[0][k] + plane[1] * R[1][k] + plane[2] * R[2][k]
+
+
+@numba.njit(cache=True)
+def _add_products(row, w, weight, sums):
+    """Add a condition to the ``sums`` (r, r + 1): products of its ``row`` (r,) and, last, with w;
+    upper triangle alone."""
+    size = len(row)
+    for k in range(N_ROW):
+        scaled = weight * row[k]
+        for m in range(k, N_ROW):
+            sums[k, m] += scaled * row[m]
+        sums[k, size] += scaled * w
+    for m in range(N_ROW, size):
+        scaled = weight * row[m]
+        for k in range(m + 1):
+            sums[k, m] += scaled * row[k]
+        sums[m, size] += scaled * w
+
+
+@numba.njit(cache=True)
+def _add_offset(row, by_offset, w, weight, of_ring, ring):
+    """Add a condition's products with its derivative by the offset of its ``ring`` to ``of_ring``
+    (rings, r + 2): with ``row``, with itself and, last, with w."""
+    scaled = weight * by_offset
+    for k in range(N_ROW):
+        of_ring[ring, k] += scaled * row[k]
+    for k in range(N_ROW, len(row)):
+        of_ring[ring, k] += scaled * row[k]
+    of_ring[ring, len(row)] += scaled * by_offset
+    of_ring[ring, len(row) + 1] += scaled * w
+
+
+@numba.njit(cache=True)
+def _add_sums(sums, of_ring, where, ring_column, N, t):
+    """Add the sums to N (upper triangle) and t: ``where`` (r,) an entry of a row is there, and
+    ``ring_column`` (rings,) the offset of a ring, -1 where it is held."""
+    size = len(sums)
+    for k in range(size):
+        for m in range(k, size):
+            N[min(where[k], where[m]), max(where[k], where[m])] += sums[k, m]
+        t[where[k]] += sums[k, size]
+    for r in range(len(ring_column)):
+        column = ring_column[r]
+        if column >= 0:
+            for k in range(size):
+                N[min(column, where[k]), max(column, where[k])] += of_ring[r, k]
+            N[column, column] += of_ring[r, size]
+            t[column] += of_ring[r, size + 1]
 
 
 @numba.njit(cache=True)
