@@ -10,7 +10,7 @@ import numpy as np
 
 from paperrepro.frames import attitude_matrix, rotation_zyx
 from paperrepro.kernels import over_threads
-from paperrepro.sines import sines_near
+from paperrepro.sines import AZIMUTH, HEADING, PITCH, ROLL, sines_near
 from paperrepro.survey import Mounting, Rays, Strip, Survey
 
 #: Columns of the derivatives with respect to the parameters, before the range offset.
@@ -76,13 +76,13 @@ def _georeference(
     """Rays ``first`` to ``last``, each by the sines of the one before."""
     before, beams = np.full((4, 3), np.nan), np.full((len(offsets), 3), np.nan)
     for i in range(first, last):
-        sa, ca = sines_near(azimuth[i], before, 3)
-        sb, cb = sines_near(elevation[i], beams, ring[i])
+        sa, ca = sines_near(azimuth[i], before, AZIMUTH)
+        sb, cb = sines_near(elevation[i], beams, np.int64(ring[i]))
         r = rho[i] + offsets[ring[i]]
         x, y, z = _rotate(R_l_b, (r * cb * ca, r * cb * sa, r * sb))
-        sr, cr = sines_near(pose[i, 3], before, 0)
-        sp, cp = sines_near(pose[i, 4], before, 1)
-        sh, ch = sines_near(pose[i, 5], before, 2)
+        sr, cr = sines_near(pose[i, 3], before, ROLL)
+        sp, cp = sines_near(pose[i, 4], before, PITCH)
+        sh, ch = sines_near(pose[i, 5], before, HEADING)
         R = body_to_map((sr, cr, sp, cp, sh, ch))
         east, north, up = _rotate(R, (x + lever[0], y + lever[1], z + lever[2]))
         p_m[i, 0] = pose[i, 0] + east

@@ -10,6 +10,9 @@ import numpy as np
 
 #: Turns up to here, rad, go by the series of `turned`: the first term left out is 1e-18.
 SERIES = 0.02
+#: Rows of what is known of a ray's angles. NumPy's integers: for each plain one, a literal, numba
+#: would compile `sines_near` anew.
+ROLL, PITCH, HEADING, AZIMUTH, ELEVATION = np.arange(5)
 
 
 @numba.njit(cache=True)

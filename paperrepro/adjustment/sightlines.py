@@ -13,7 +13,7 @@ import numpy as np
 
 from paperrepro.georeference import body_to_map
 from paperrepro.kernels import over_threads
-from paperrepro.sines import sines_near, turned
+from paperrepro.sines import AZIMUTH, ELEVATION, sines_near, turned
 from paperrepro.survey import Rays
 
 
@@ -55,8 +55,8 @@ def _turns(first, last, pose, azimuth, elevation, turns):
     for i in range(first, last):
         for k in range(3):
             turns[i, 2 * k], turns[i, 2 * k + 1] = sines_near(pose[i, 3 + k], before, k)
-        turns[i, 6], turns[i, 7] = sines_near(azimuth[i], before, 3)
-        turns[i, 8], turns[i, 9] = sines_near(elevation[i], before, 4)
+        turns[i, 6], turns[i, 7] = sines_near(azimuth[i], before, AZIMUTH)
+        turns[i, 8], turns[i, 9] = sines_near(elevation[i], before, ELEVATION)
 
 
 @numba.njit(cache=True)

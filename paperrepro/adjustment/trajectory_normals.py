@@ -108,8 +108,9 @@ def _cell_blocks(
     v, b, seen, e, row = np.empty(9), np.empty(9), np.empty(8), np.empty(6), np.empty(size)
     sums, of_ring = np.empty((size, size + 1)), np.empty((len(ring_column), size + 2))
     per_ring, n_x = ring_column.max() >= 0, t.shape[1] - N_PLANE - N_NODES
-    where = np.arange(size) + n_x - N_ANGLES  # plane and nodes follow the unknowns
-    where[:N_ANGLES], where[size - n_lever :] = np.arange(N_ANGLES), np.arange(n_x - n_lever, n_x)
+    where = np.arange(size)  # plane and nodes follow the unknowns, of which the lever arm is last
+    for k in range(N_ANGLES, size):
+        where[k] += n_x - (N_ANGLES if k < N_ROW else size)
     for c in range(first, last):
         before, after = error[node[c]], error[node[c] + 1]
         plane, near, of_cell = planes[c], origin[c], weight[c]

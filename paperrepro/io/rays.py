@@ -14,7 +14,7 @@ import numpy as np
 
 from paperrepro.georeference import body_to_map
 from paperrepro.kernels import over_threads
-from paperrepro.sines import sines_near
+from paperrepro.sines import HEADING, PITCH, ROLL, sines_near
 from paperrepro.survey import Mounting, Trajectory
 
 #: Elevations that scatter less than this, beyond the resolution of the coordinates, fit.
@@ -63,9 +63,9 @@ def _laser_rays(first, last, pose, p_m, R_b_l, lever, out):
     before = np.full((3, 3), np.nan)
     for i in range(first, last):
         east, north, up = p_m[i, 0] - pose[i, 0], p_m[i, 1] - pose[i, 1], p_m[i, 2] - pose[i, 2]
-        sr, cr = sines_near(pose[i, 3], before, 0)
-        sp, cp = sines_near(pose[i, 4], before, 1)
-        sh, ch = sines_near(pose[i, 5], before, 2)
+        sr, cr = sines_near(pose[i, 3], before, ROLL)
+        sp, cp = sines_near(pose[i, 4], before, PITCH)
+        sh, ch = sines_near(pose[i, 5], before, HEADING)
         R = body_to_map((sr, cr, sp, cp, sh, ch))
         x = R[0][0] * east + R[1][0] * north + R[2][0] * up - lever[0]
         y = R[0][1] * east + R[1][1] * north + R[2][1] * up - lever[1]

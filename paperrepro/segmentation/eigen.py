@@ -5,6 +5,8 @@ import numpy as np
 
 #: Sweeps of Jacobi's rotations; five reach rounding, since each squares what is left.
 SWEEPS = 8
+#: Axes. NumPy's integers: for plain ones, literals, numba would compile `_rotate` three times.
+X, Y, Z = np.arange(3)
 
 
 @numba.njit(cache=True)
@@ -16,9 +18,9 @@ def least_eigenpair(S):
         apart = abs(S[0, 1]) + abs(S[0, 2]) + abs(S[1, 2])
         if apart <= 1e-17 * (abs(S[0, 0]) + abs(S[1, 1]) + abs(S[2, 2])):
             break
-        _rotate(S, V, 0, 1)
-        _rotate(S, V, 0, 2)
-        _rotate(S, V, 1, 2)
+        _rotate(S, V, X, Y)
+        _rotate(S, V, X, Z)
+        _rotate(S, V, Y, Z)
     k = 0
     for m in range(1, 3):
         if S[m, m] < S[k, k]:

@@ -138,7 +138,9 @@ def _within(q, i, reach, low, cell, shape, start, found, nearest):
         j = numba.uint64(start[row * shape[1] + first_column])
         end = numba.uint64(start[row * shape[1] + last_column + 1])
         while j < end:
-            stop = min(end, j + numba.uint64(len(found)) - count)
+            stop = j + numba.uint64(len(found)) - count  # as far as there is room
+            if stop > end:
+                stop = end
             for other in range(j, stop):  # unsigned and without branches: in a few cycles each
                 e, n, u = q[0, other] - x, q[1, other] - y, q[2, other] - z
                 square = e * e + n * n + u * u
@@ -146,9 +148,10 @@ def _within(q, i, reach, low, cell, shape, start, found, nearest):
                 count += numba.uint64(square <= limit)
             j = stop
             if count == len(found):
-                limit = _keep_smallest(found, count, nearest)
+                limit = _keep_smallest(found, np.int64(count), nearest)
                 count = numba.uint64(len(nearest))
-                found[: len(nearest)] = nearest
+                for m in range(len(nearest)):
+                    found[m] = nearest[m]
     return np.int64(count)
 
 
