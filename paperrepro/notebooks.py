@@ -47,8 +47,15 @@ class Parameter:
         return f"{self.name}: {self.kind.__name__} = {self.default!r}"
 
 
+_managers: "weakref.WeakSet[LocalKernelManager]" = weakref.WeakSet()
+
+
 class LocalKernelManager(AsyncKernelManager):
     """Talks to the kernel through files of this user instead of network ports."""
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        _managers.add(self)
 
     @default("transport")
     def _default_transport(self) -> str:
@@ -76,20 +83,9 @@ class LocalKernelManager(AsyncKernelManager):
             process.wait()
 
 
-class _Interruptible(LocalKernelManager):
-    """Is known to `kill_kernels`."""
-
-    def __init__(self, **kwargs):
-        super().__init__(**kwargs)
-        _executing.add(self)
-
-
-_executing: "weakref.WeakSet[LocalKernelManager]" = weakref.WeakSet()
-
-
 def kill_kernels() -> None:
-    """End what `execute` runs in other threads: it fails there."""
-    for manager in list(_executing):
+    """End the kernels of this process: what `execute` runs in other threads fails there."""
+    for manager in list(_managers):
         manager.kill()
 
 
@@ -149,7 +145,7 @@ def execute(
             dict(parameters),
             kernel_name="python3",
             progress_bar=False,
-            **(engine or {"kernel_manager_class": _Interruptible}),
+            **(engine or {"kernel_manager_class": LocalKernelManager}),
         )
     except PapermillExecutionError as error:
         reason = f"{error.ename}: {error.evalue}"

@@ -179,9 +179,7 @@ def _add_offset(row, by_offset, w, weight, of_ring, ring):
     """Add a condition's products with its derivative by the offset of its ``ring`` to ``of_ring``
     (rings, r + 2): with ``row``, with itself and, last, with w."""
     scaled = weight * by_offset
-    for k in range(N_ROW):
-        of_ring[ring, k] += scaled * row[k]
-    for k in range(N_ROW, len(row)):
+    for k in range(len(row)):
         of_ring[ring, k] += scaled * row[k]
     of_ring[ring, len(row)] += scaled * by_offset
     of_ring[ring, len(row) + 1] += scaled * w

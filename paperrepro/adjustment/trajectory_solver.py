@@ -203,15 +203,15 @@ class Solution:
 def iterate(model: TrajectoryModel, prior: GaussMarkov, state: State) -> Solution:
     """Gauss-Newton from ``state``; raises `NoConvergence`."""
     iterations = Iterations()
-    while not iterations.too_many:
+    while not iterations.converged:
         blocks = model.blocks(state, iterations.settled)
         data = assemble(blocks, model.cells, state)
         step = eliminate(data, prior, model.nodes.time, state, model.pseudo_weight)
         state = state.moved(step.dy, step.d_error)
         iterations.take(step.dy, step.d_error)
-        if iterations.converged:
-            return Solution(state, step, data, blocks, iterations.made)
-    raise NoConvergence(
-        f"scenario D: no convergence after {MAX_ITERATIONS} iterations, last correction "
-        f"{iterations.change:.2e} (limit {TOLERANCE:.0e}); look for wrong matches"
-    )
+        if iterations.too_many:
+            raise NoConvergence(
+                f"scenario D: no convergence after {MAX_ITERATIONS} iterations, last correction "
+                f"{iterations.change:.2e} (limit {TOLERANCE:.0e}); look for wrong matches"
+            )
+    return Solution(state, step, data, blocks, iterations.made)
