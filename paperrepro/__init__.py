@@ -4,8 +4,4 @@ Reproduces Oliveira Junior and Santos, "Rigorous Calibration of UAV-Based LiDAR 
 Refinement of the Boresight Angles Using a Point-to-Plane Approach", Sensors 2019.
 """
 
-from paperrepro.kernels import keep_apart
-
 __version__ = "0.1.0"
-
-keep_apart()

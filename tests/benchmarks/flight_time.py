@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from paperrepro.adjustment.matched import MatchedFaces
-from paperrepro.adjustment.result import CalibrationResult
-from paperrepro.adjustment.trajectory import calibrate_with_trajectory
+from paperrepro.method.adjustment.result import CalibrationResult
+from paperrepro.method.adjustment.trajectory_errors import calibrate_with_trajectory
+from paperrepro.method.tie_planes import MatchedFaces
 from paperrepro.survey import Rays, Survey, Trajectory
 
 

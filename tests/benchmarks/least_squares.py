@@ -10,11 +10,11 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.sparse import csr_matrix
 
-from paperrepro.adjustment.matched import MatchedFaces
-from paperrepro.adjustment.scenarios import SCENARIOS
+from paperrepro.method.adjustment.scenarios import SCENARIOS
+from paperrepro.method.tie_planes import MatchedFaces
 from paperrepro.survey import Survey
 from tests.benchmarks.peers import attitudes
-from tests.paperrepro.adjustment.dense import Problem, turn
+from tests.paperrepro.method.adjustment.dense import Problem, turn
 
 
 @dataclass(frozen=True)

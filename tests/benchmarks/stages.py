@@ -5,14 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from data_synth import simulate
-from paperrepro.adjustment.refinement import refine
-from paperrepro.adjustment.scenarios import SCENARIOS, calibrate
-from paperrepro.georeference import georeference
-from paperrepro.matching import MatchParameters, match
-from paperrepro.segmentation.ground import progressive_morphological_filter
-from paperrepro.segmentation.outliers import statistical_outliers
-from paperrepro.segmentation.planes import grow_regions, neighbourhood
-from paperrepro.segmentation.roofs import RoofParameters, extract
+from paperrepro.method.adjustment.scenarios import SCENARIOS, calibrate, refine
+from paperrepro.method.georeference import georeference
+from paperrepro.method.ground import progressive_morphological_filter
+from paperrepro.method.matching import MatchParameters, match
+from paperrepro.method.outliers import statistical_outliers
+from paperrepro.method.planes import grow_regions, neighbourhood
+from paperrepro.method.roofs import RoofParameters, extract
 from tests.benchmarks import flight_time, least_squares, peers
 from tests.benchmarks.clock import Row, row, timed
 from tests.benchmarks.inputs import Density, Inputs

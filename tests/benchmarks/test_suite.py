@@ -5,10 +5,10 @@ import pandas as pd
 import pytest
 
 from data_synth import make_config, simulate
-from paperrepro.adjustment.scenarios import calibrate
-from paperrepro.figures import benchmarks
-from paperrepro.georeference import georeference
-from paperrepro.segmentation.outliers import statistical_outliers
+from paperrepro.figures import study
+from paperrepro.method.adjustment.scenarios import calibrate
+from paperrepro.method.georeference import georeference
+from paperrepro.method.outliers import statistical_outliers
 from tests.benchmarks import clock, commands, flight_time, least_squares, peers
 from tests.benchmarks.clock import Timing, row, timed
 from tests.benchmarks.targets import TARGETS, exponent, judged
@@ -127,7 +127,7 @@ def test_exponent_of_a_power_law():
 
 
 def test_the_picture_has_a_line_for_each_stage_and_each_peer():
-    axes = benchmarks.time_against_points(table()).axes[0]
+    axes = study.time_against_points(table()).axes[0]
     labels = [line.get_label() for line in axes.lines]
     assert "outliers" in labels
     assert "outliers: Open3D" in labels

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from paperrepro.adjustment.matched import MatchedFaces
-from paperrepro.adjustment.normals import observation_variances
-from paperrepro.georeference import georeference
+from paperrepro.method.adjustment.conditions import observation_variances
+from paperrepro.method.georeference import georeference
+from paperrepro.method.tie_planes import MatchedFaces
 from paperrepro.survey import Mounting, Navigation, Rays, Scanner, Survey, Trajectory
 
 SCANNER = Scanner("test", np.deg2rad(np.linspace(-10, 10, 16)), 0.02, np.deg2rad(0.01))

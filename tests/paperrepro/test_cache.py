@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from data_synth import make_config, simulate
-from paperrepro import cache
-from paperrepro.cache import cached, code_version
+from paperrepro import _cache
+from paperrepro._cache import cached, code_version
 from paperrepro.survey import Trajectory
 
 CALLS = "calls.log"
@@ -108,7 +108,7 @@ def test_code_version_follows_imports(tmp_path, monkeypatch):
     (package / "deep.py").write_text("VALUE = 1\n")
     (package / "apart.py").write_text("VALUE = 1\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(cache, "PACKAGES", ("data_synth_like",))
+    monkeypatch.setattr(_cache, "PACKAGES", ("data_synth_like",))
     versions = []
     for name, text in (("deep", "VALUE = 1\n"), ("deep", "VALUE = 2\n"), ("apart", "VALUE = 2\n")):
         (package / f"{name}.py").write_text(text)
@@ -124,16 +124,16 @@ def test_the_simulator_is_keyed_by_frames_but_not_by_the_method():
         seen, waiting = set(), [module]
         while waiting:
             name = waiting.pop()
-            spec = cache.importlib.util.find_spec(name)
+            spec = _cache.importlib.util.find_spec(name)
             if name not in seen and spec and spec.origin:
                 seen.add(name)
-                waiting += list(cache._imports(cache.Path(spec.origin).read_bytes()))
+                waiting += list(_cache._imports(_cache.Path(spec.origin).read_bytes()))
         return seen
 
     modules = reached(simulate.__module__)
     assert "paperrepro.frames" in modules
     assert "data_synth.raycast" in modules
-    assert "paperrepro.adjustment.scenarios" not in modules
+    assert "paperrepro.method.adjustment.scenarios" not in modules
 
 
 def test_a_survey_survives_the_cache():
