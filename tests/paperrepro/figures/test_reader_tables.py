@@ -12,7 +12,7 @@ SCENARIOS = ("SL", "A", "B", "C")
 
 
 def test_table_2_shows_every_printed_value_beside_the_one_used():
-    table = tables.table2(RoofParameters.fine(), RoofParameters.coarse()).set_index("parameter")
+    table = tables.table2(RoofParameters(), RoofParameters().coarse()).set_index("parameter")
     assert set(TABLE2) <= set(table.index)
     for name, value in TABLE2.items():
         assert float(table.paper[name]) == value.value
