@@ -5,7 +5,6 @@ hold gable houses, three hold sheds that are not gable. Small sheds and trees ar
 rejection. m-frame, metres; the ground's mean height is 0.
 """
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -22,41 +21,38 @@ from data_synth.buildings import (
     dormer_fits,
 )
 from data_synth.scene import ObjectClass, Scene, SceneBuilder
+from data_synth.terrain import Ground, add_features, add_ground, draw_ground
 from data_synth.vegetation import add_tree, draw_tree
 
-#: Half extents of the ground, and of the part where anything stands, m.
-GROUND_EXTENT = (200.0, 150.0)
+#: Half extents of the part where anything stands, m.
 FARM_EXTENT = (100.0, 62.0)
-MAX_SLOPE = 0.04
 SITES_X = (-72.0, -36.0, 0.0, 36.0, 72.0)
 SITES_Y = (-38.0, 0.0, 38.0)
 N_GABLE, N_TREES, N_TREES_AT_ROOFS = 12, 40, 12
+#: Whatever its azimuth, a shed on a site stays within a square of this side, m.
+SITE_SHED_EXTENT = 18.0
 #: Fence and wire run between the rows of sites, m.
 FENCE_Y, WIRE_Y, FENCE_HALF_LENGTH, WIRE_HALF_LENGTH = 19.0, -19.0, 60.0, 90.0
 
 
-@dataclass(frozen=True)
-class Ground:
-    """Rolling ground: waves of ``wave`` (W, 2) rad/m, ``amplitude`` (W,) m, ``phase`` (W,) rad."""
-
-    wave: np.ndarray
-    amplitude: np.ndarray
-    phase: np.ndarray
-
-    def height(self, x, y) -> np.ndarray:
-        """m, of the shape of ``x`` and ``y``."""
-        argument = np.multiply.outer(x, self.wave[:, 0]) + np.multiply.outer(y, self.wave[:, 1])
-        return np.sin(argument + self.phase) @ self.amplitude
-
-
-def build_farm(rng: np.random.Generator) -> Scene:
-    """The whole scene."""
+def build_farm(
+    rng: np.random.Generator,
+    relief: float = 1.0,
+    natural: np.random.Generator | None = None,
+) -> Scene:
+    """The whole scene; ``relief`` as `draw_ground`, and features of the ground drawn from
+    ``natural``, if any."""
     builder = SceneBuilder()
-    ground = draw_ground(rng)
-    add_ground(builder, ground)
+    ground = draw_ground(rng, relief)
     plots = [_lane(FENCE_Y, FENCE_HALF_LENGTH), _lane(WIRE_Y, WIRE_HALF_LENGTH)]
     sites = rng.permutation([(x, y) for x in SITES_X for y in SITES_Y])
     houses = [draw_house(site, ground, rng) for site in sites[:N_GABLE]]
+    if natural is not None:
+        taken = [with_overhang(house) for house in houses]
+        taken += [Plot(x, y, 0.0, SITE_SHED_EXTENT, SITE_SHED_EXTENT) for x, y in sites[N_GABLE:]]
+        ground = add_features(ground, taken, natural)
+        plots += [feature.plot for feature in ground.features]
+    add_ground(builder, ground)
     for number, house in enumerate(houses):
         furnish(builder, house, number, rng)
     plots += [with_overhang(house) for house in houses]
@@ -66,28 +62,6 @@ def build_farm(rng: np.random.Generator) -> Scene:
     add_wire(builder, ground)
     _add_trees(builder, plots, houses, ground, rng)
     return builder.build()
-
-
-def draw_ground(rng: np.random.Generator) -> Ground:
-    """Waves of 90-280 m whose slopes together stay below `MAX_SLOPE`."""
-    count = 5
-    length, azimuth = rng.uniform(90.0, 280.0, count), rng.uniform(0.0, np.pi, count)
-    wave = (2 * np.pi / length)[:, None] * np.column_stack([np.sin(azimuth), np.cos(azimuth)])
-    slope = rng.uniform(0.4, 1.0, count)
-    slope *= MAX_SLOPE / slope.sum()
-    return Ground(wave, slope * length / (2 * np.pi), rng.uniform(0.0, 2 * np.pi, count))
-
-
-def add_ground(builder: SceneBuilder, ground: Ground, step: float = 4.0) -> None:
-    """A grid of triangles."""
-    x, y = (np.arange(-extent, extent + step, step) for extent in GROUND_EXTENT)
-    X, Y = np.meshgrid(x, y, indexing="ij")
-    vertices = np.column_stack([X.ravel(), Y.ravel(), ground.height(X, Y).ravel()])
-    index = np.arange(X.size).reshape(X.shape)
-    a, b = index[:-1, :-1].ravel(), index[1:, :-1].ravel()
-    c, d = index[1:, 1:].ravel(), index[:-1, 1:].ravel()
-    triangles = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-    builder.mesh(vertices, triangles, ObjectClass.GROUND)
 
 
 def _lane(y: float, half_length: float) -> Plot:

@@ -100,10 +100,16 @@ def direction_words(a: FlightLine, b: FlightLine) -> str:
     return f"{first}-{first if dot > 0 else second}"
 
 
-def fly(lines: tuple[FlightLine, ...], rng: np.random.Generator) -> Motion:
-    """The true motion of the whole mission."""
+def fly(
+    lines: tuple[FlightLine, ...],
+    rng: np.random.Generator,
+    gust_scale: float = 1.0,
+    vibration_scale: float = 1.0,
+) -> Motion:
+    """The true motion of the whole mission, as `data_synth.motion.draw_disturbance` disturbs it."""
     course = _course(lines)
-    return Motion(course, draw_disturbance(rng), course.x[0], course.x[-1])
+    disturbance = draw_disturbance(rng, gust_scale, vibration_scale)
+    return Motion(course, disturbance, course.x[0], course.x[-1])
 
 
 def _course(lines: tuple[FlightLine, ...]) -> PPoly:

@@ -7,7 +7,8 @@ import pytest
 
 from data_synth import ObjectClass
 from data_synth.buildings import Plot
-from data_synth.farm import MAX_SLOPE, N_GABLE, build_farm
+from data_synth.farm import N_GABLE, build_farm
+from data_synth.terrain import MAX_SLOPE
 
 SEEDS = (0, 1, 2, 3, 4)
 
