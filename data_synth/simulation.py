@@ -94,7 +94,9 @@ def simulate(config: SimulationConfig | None = None) -> tuple[Survey, Truth]:
         caster, scene, motion, vlp16_hires(), true, config.sensor_noise, errors, reflectivity
     )
     strips, labels, classes = _record_all(recorder, lines, config.thinning, seeds["sensor"])
-    measured = disturb(reported.record(), config.noise_scale, rng["navigation"], config.navigation)
+    trajectory = motion.record()
+    without = trajectory if motion is reported else reported.record()
+    measured = disturb(without, config.noise_scale, rng["navigation"], config.navigation)
     told = replace(
         known, lever_arm=LEVER_ARM + config.lever_arm_sigma_m * rng["lever arm"].normal(size=3)
     )
@@ -105,7 +107,7 @@ def simulate(config: SimulationConfig | None = None) -> tuple[Survey, Truth]:
         boresight=true.boresight,
         range_offsets=offsets,
         lever_arm=LEVER_ARM,
-        trajectory=motion.record(),
+        trajectory=trajectory,
         motion=motion,
         faces=scene.faces,
         labels=labels,
