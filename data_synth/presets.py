@@ -16,10 +16,14 @@ PRESETS = {"mount": (1.1, -0.8, 1.3), "table4": (0.0187, -0.0155, 0.0008)}
 #: One of how many firing sequences is kept: the same geometry and beams at every profile.
 PROFILES = {"quick": 16, "paper": 1}
 
-#: What is flown over: the paper's kind of site, or a stand of trees with houses at its edge.
-SCENES = ("farm", "forest")
+#: What is flown over: the paper's kind of site, a stand of trees with houses at its edge, a yard of
+#: cars, walls, containers and heaps, or fields without any building.
+SCENES = ("farm", "forest", "yard", "fields")
 #: Rolling ground, or the same with banks, ditches and dams.
 TERRAINS = ("rolling", "natural")
+
+#: Rows and columns of the farm's building sites.
+SITES = (3, 5)
 
 #: Amounts and factors, which have no sign.
 NOT_NEGATIVE = (
@@ -60,6 +64,8 @@ class SimulationConfig:
     roof_surface_scale : factor on the heights of roofs over their planes.
     ground_roughness_m : root mean square of the ground's heights over its facets.
     ground_relief : factor on the heights of the rolling ground; 0 is level.
+    site_rows, site_columns : of the farm's building sites, four of five of which hold a gable
+        house; the flight plan is another argument of `simulate`, the reference covers 280 x 170 m.
     gust_scale, vibration_scale : factors on the true motion's gusts, and on the vibration that the
         trajectory reports.
 
@@ -92,6 +98,8 @@ class SimulationConfig:
     gust_scale: float = 1.0
     vibration_scale: float = 1.0
     terrain: str = "rolling"
+    site_rows: int = SITES[0]
+    site_columns: int = SITES[1]
 
     def __post_init__(self):
         _require_choice("preset", self.preset, PRESETS)
@@ -100,9 +108,17 @@ class SimulationConfig:
         _require_choice("terrain", self.terrain, TERRAINS)
         _require_choice("navigation", self.navigation, NAVIGATION)
         _require_choice("roof_surface", self.roof_surface, ROOF_SURFACES)
-        _require_whole("seed", self.seed)
+        for name in ("seed", "site_rows", "site_columns"):
+            _require_whole(name, getattr(self, name))
         for name in NOT_NEGATIVE:
             _require_not_negative(name, getattr(self, name))
+        if min(self.site_rows, self.site_columns) < 1:
+            raise BadInput(
+                f"site_rows, site_columns: expected at least 1, got {self.site_rows}, "
+                f"{self.site_columns}; give one or more, or the scene fields"
+            )
+        if self.scene != "farm" and (self.site_rows, self.site_columns) != SITES:
+            raise BadInput("site_rows, site_columns: only the scene farm has them; leave them out")
         _require_within("clock_delay_s", self.clock_delay_s, MOST_CLOCK_DELAY)
         _require_within("range_scale_ppm", self.range_scale_ppm, MOST_RANGE_SCALE)
         if self.boresight_deg is not None:

@@ -9,11 +9,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from data_synth import reference
-from data_synth.farm import build_farm
-from data_synth.flight import FlightLine, flight_plan, fly
+from data_synth.farm import Layout, build_farm
+from data_synth.flight import TABLE_1, FlightLine, FlightPlan, flight_plan, fly
 from data_synth.forest import build_forest
 from data_synth.motion import Motion, draw_unseen_vibration
 from data_synth.navigation import apx15, disturb
+from data_synth.open_ground import build_fields, build_yard
 from data_synth.presets import SimulationConfig
 from data_synth.raycast import Raycaster
 from data_synth.recording import Recorder
@@ -26,7 +27,12 @@ from paperrepro.survey import Mounting, Survey, Trajectory
 #: From the GNSS/INS to the laser, b-frame, m; surveyed on the ground, so known.
 LEVER_ARM = np.array([0.10, -0.02, 0.15])
 #: What builds each of `presets.SCENES`.
-BUILDERS = {"farm": build_farm, "forest": build_forest}
+BUILDERS = {
+    "farm": build_farm,
+    "forest": build_forest,
+    "yard": build_yard,
+    "fields": build_fields,
+}
 STREAMS = (
     "scene", "flight", "navigation", "sensor", "offsets", "reference",
     "unseen vibration", "lever arm", "beam elevations", "beam azimuths", "reflectivity",
@@ -69,14 +75,19 @@ class Truth:
         )
 
 
-def simulate(config: SimulationConfig | None = None) -> tuple[Survey, Truth]:
+def simulate(
+    config: SimulationConfig | None = None, plan: FlightPlan = TABLE_1
+) -> tuple[Survey, Truth]:
     """Fly over the scene: what the operator gets, and the truth. A seed gives the same bits."""
     config = SimulationConfig() if config is None else config
     seeds = dict(zip(STREAMS, np.random.SeedSequence(config.seed).spawn(len(STREAMS)), strict=True))
     rng = {name: np.random.default_rng(seed) for name, seed in seeds.items() if name != "sensor"}
     natural = rng["terrain"] if config.terrain == "natural" else None
-    scene = BUILDERS[config.scene](rng["scene"], config.ground_relief, natural)
-    lines = flight_plan()
+    sites = {"layout": Layout(config.site_rows, config.site_columns)}
+    scene = BUILDERS[config.scene](
+        rng["scene"], config.ground_relief, natural, **(sites if config.scene == "farm" else {})
+    )
+    lines = flight_plan(plan)
     relief = draw_relief(
         scene, config.roof_surface, config.roof_surface_scale, config.ground_roughness_m,
         rng["surfaces"],

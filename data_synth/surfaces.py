@@ -104,7 +104,7 @@ def draw_relief(
     roof_rng, ground_rng = rng.spawn(2)
     roofs = []
     if roof_surface != "plane" and roof_surface_scale > 0:
-        covering = roof_rng.choice(COVERINGS, size=max(f.building for f in scene.faces) + 1)
+        covering = roof_rng.choice(COVERINGS, size=len(scene.faces))
         for face in scene.faces:
             single = {roof_surface: 1.0}
             kinds = single if roof_surface in KINDS else _mix(covering[face.building], roof_rng)

@@ -14,10 +14,10 @@ from data_synth.scene import ObjectClass, SceneBuilder
 #: Half extents of the ground, m, and its largest slope.
 GROUND_EXTENT = (200.0, 150.0)
 MAX_SLOPE = 0.04
-#: Grid of rolling ground, and of ground with features within the half extents that are flown, m.
-COARSE_STEP, FINE_STEP, FLOWN_EXTENT = 4.0, 1.0, (136.0, 76.0)
-#: Features tried, and placed at most, in `EXTENT`.
-N_TRIES, N_FEATURES, FEATURE_EXTENT = 400, 14, (115.0, 62.0)
+#: Grid of rolling ground, and of ground with features, which ends so far within the ground, m.
+COARSE_STEP, FINE_STEP, FINE_MARGIN = 4.0, 1.0, (64.0, 74.0)
+#: Features tried and placed at most, and how far within the ground their middles lie, m.
+N_TRIES, N_FEATURES, FEATURE_MARGIN = 400, 14, (85.0, 88.0)
 #: Slopes of the gentle side of a bank, and of the ends of all, rad.
 GENTLE, END = np.radians(7.0), np.radians(25.0)
 
@@ -75,13 +75,15 @@ def draw_ground(rng: np.random.Generator, relief: float = 1.0) -> Ground:
     return Ground(wave, amplitude, rng.uniform(0.0, 2 * np.pi, count))
 
 
-def add_features(ground: Ground, taken: list[Plot], rng: np.random.Generator) -> Ground:
-    """The ground with banks, ditches and dams in turn, wherever they are clear of ``taken`` and of
-    one another."""
+def add_features(
+    ground: Ground, taken: list[Plot], rng: np.random.Generator, extent=GROUND_EXTENT
+) -> Ground:
+    """The ground of half extents ``extent`` (2,) m with banks, ditches and dams in turn, wherever
+    they are clear of ``taken`` and of one another."""
     features: list[Slopes] = []
     for _ in range(N_TRIES):
         draw = (draw_dam, draw_ditch, draw_bank)[len(features) % 3]
-        x, y = rng.uniform(-1.0, 1.0, 2) * FEATURE_EXTENT
+        x, y = rng.uniform(-1.0, 1.0, 2) * np.subtract(extent, FEATURE_MARGIN)
         one = draw(float(x), float(y), rng)
         others = [*taken, *(feature.plot for feature in features)]
         if all(one.plot.clear_of(other, 1.0) for other in others):
@@ -120,10 +122,12 @@ def _steep(rng: np.random.Generator) -> float:
     return np.radians(rng.uniform(20.0, 35.0))
 
 
-def add_ground(builder: SceneBuilder, ground: Ground) -> None:
-    """A grid of triangles, finer where the ground has features."""
-    extents = zip(GROUND_EXTENT, FLOWN_EXTENT, strict=True)
-    lines = (_grid_lines(*pair, bool(ground.features)) for pair in extents)
+def add_ground(builder: SceneBuilder, ground: Ground, extent=GROUND_EXTENT) -> None:
+    """A grid of triangles of half extents ``extent`` (2,) m, finer where there are features."""
+    lines = (
+        _grid_lines(half, half - margin, bool(ground.features))
+        for half, margin in zip(extent, FINE_MARGIN, strict=True)
+    )
     X, Y = np.meshgrid(*lines, indexing="ij")
     vertices = np.column_stack([X.ravel(), Y.ravel(), ground.height(X, Y).ravel()])
     index = np.arange(X.size).reshape(X.shape)
@@ -133,10 +137,10 @@ def add_ground(builder: SceneBuilder, ground: Ground) -> None:
     builder.mesh(vertices, triangles, ObjectClass.GROUND)
 
 
-def _grid_lines(extent: float, flown: float, fine: bool) -> np.ndarray:
-    """Coordinates of a grid's lines along one axis, m."""
+def _grid_lines(extent: float, middle: float, fine: bool) -> np.ndarray:
+    """Coordinates of a grid's lines along one axis, m, closer in the ``middle`` if ``fine``."""
     coarse = np.arange(-extent, extent + COARSE_STEP, COARSE_STEP)
     if not fine:
         return coarse
-    inner = np.arange(-flown, flown + FINE_STEP, FINE_STEP)
-    return np.concatenate([coarse[coarse < -flown], inner, coarse[coarse > flown]])
+    inner = np.arange(-middle, middle + 0.5 * FINE_STEP, FINE_STEP)
+    return np.concatenate([coarse[coarse < -middle], inner, coarse[coarse > middle]])

@@ -63,3 +63,17 @@ def test_boresight_overrides_the_preset_and_stays_hashable():
     config = make_config(boresight_deg=[0.1, 0.2, 0.3])
     np.testing.assert_allclose(np.degrees(config.boresight), (0.1, 0.2, 0.3))
     assert hash(config) == hash(make_config(boresight_deg=(0.1, 0.2, 0.3)))
+
+
+@pytest.mark.parametrize(
+    "sites",
+    [
+        {"site_rows": 0},
+        {"site_columns": 2.5},
+        {"scene": "yard", "site_rows": 4},
+    ],
+)
+def test_sites_are_whole_rows_and_columns_of_the_farm(sites):
+    with pytest.raises(BadInput, match="site_"):
+        make_config(**sites)
+    assert make_config(site_rows=4).site_columns == 5
