@@ -15,6 +15,8 @@ from paperrepro.kernels import over_threads
 
 #: Steps along a ray at most: a ray that grazes takes longer ones.
 MOST_STEPS = 200
+#: Steps that narrow a crossing's bracket at most, and how close to the surface is on it, m.
+REFINEMENTS, CLOSE = 40, 1e-6
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ def _height(x, y, z, heights, frame, step, periodic):
     a, b = a - i, b - k
     if periodic:
         i, k = i % rows, k % columns
-        above, right = (i + 1) % rows, (k + 1) % columns
+        above, right = (i + 1 if i + 1 < rows else 0), (k + 1 if k + 1 < columns else 0)
     else:
         above, right = min(i + 1, rows - 1), min(k + 1, columns - 1)
     low = (1.0 - b) * heights[i, k] + b * heights[i, right]
@@ -96,7 +98,8 @@ def _march(
     first, last, rays, origin, direction, planes, triangle,
     heights, frame, step, lowest, highest, periodic, distance,
 ):  # fmt: skip
-    """The first crossing of each ray with the surface, by steps of the grid and then by halves."""
+    """The first crossing of each ray with the surface: a bracket by steps of the grid, which secant
+    and halving in turn make narrow."""
     for number in range(first, last):
         i = rays[number]
         k, hit = triangle[i], distance[i]
@@ -108,22 +111,31 @@ def _march(
         sine = np.sqrt(max(1.0 - fall * fall, 1e-12))
         length = (highest - lowest) / fall
         count = min(max(int(np.ceil(length * sine / step)), 1), MOST_STEPS)
-        above = hit - highest / fall
-        for n in range(1, count + 1):
-            below = hit - highest / fall + n * length / count
+        near = far = hit - highest / fall
+        over_near, over_far = highest - lowest, 0.0  # of the ray over the surface
+        for n in range(count + 1):
+            far = hit - highest / fall + n * length / count
             surface = _height(
-                x + below * dx, y + below * dy, z + below * dz, heights, frame, step, periodic
+                x + far * dx, y + far * dy, z + far * dz, heights, frame, step, periodic
             )
-            if fall * (hit - below) <= surface:
+            over_far = fall * (hit - far) - surface
+            if over_far <= 0.0:
                 break
-            above = below
-        for _ in range(18):
-            middle = 0.5 * (above + below)
+            near, over_near = far, over_far
+        for n in range(REFINEMENTS):
+            if over_near <= over_far:
+                break
+            share = over_near / (over_near - over_far) if n % 2 == 0 else 0.5
+            middle = near + share * (far - near)
             surface = _height(
                 x + middle * dx, y + middle * dy, z + middle * dz, heights, frame, step, periodic
             )
-            if fall * (hit - middle) <= surface:
-                below = middle
+            over = fall * (hit - middle) - surface
+            if over <= 0.0:
+                far, over_far = middle, over
             else:
-                above = middle
-        distance[i] = below
+                near, over_near = middle, over
+            if abs(over) < CLOSE:
+                far = middle
+                break
+        distance[i] = far
