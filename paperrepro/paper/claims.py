@@ -85,8 +85,7 @@ from paperrepro.paper.verdicts import (
     span,
     valued,
 )
-from paperrepro.study.rows import ANGLES
-from paperrepro.study.simulated import REFINED, mistaken_name
+from paperrepro.study.rows import ANGLES, REFINED, mistaken_name
 from paperrepro.study.statistics import CONFIDENCE, Evidence, Interval
 
 SYMBOLS = {"omega": "Δω", "phi": "Δφ", "kappa": "Δκ"}

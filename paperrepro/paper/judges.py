@@ -15,8 +15,7 @@ from scipy import stats
 from paperrepro.method.adjustment.trajectory_equations import AXES, PRIOR_SIGMA
 from paperrepro.paper.published import ATTITUDE_ACCURACY
 from paperrepro.paper.verdicts import NO, OPEN, PARTLY, YES, Judge, Judged, shown, span
-from paperrepro.study.rows import ANGLES
-from paperrepro.study.simulated import BOUND, LEVER_ARM, SCREENED, WRONG
+from paperrepro.study.rows import ANGLES, BOUND, LEVER_ARM, SCREENED, WRONG
 from paperrepro.study.statistics import CONFIDENCE, SIGMA, TWO_SIDED, Interval, Surveys, TooLittle
 
 Quantity = Callable[[Surveys], pd.Series]
