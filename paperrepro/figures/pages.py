@@ -34,7 +34,7 @@ from paperrepro.paper.artefacts import ARTEFACTS, Artefact, Values, caption
 from paperrepro.paper.claims import HEADLINES
 from paperrepro.paper.numbers import cells, heading, worded
 from paperrepro.study.environment import package_versions
-from paperrepro.study.rows import Run, frame
+from paperrepro.study.rows import SurveyKey, frame
 
 HERE = Path(__file__).parent
 NAME = "report.html"
@@ -72,7 +72,7 @@ class Item:
     files: list[str]
 
 
-def write(folder: str | Path, run: Run) -> Path:
+def write(folder: str | Path, run: SurveyKey) -> Path:
     """Write ``folder/report.html`` from what lies in ``folder``, whole or not at all."""
     folder = Path(folder)
     path, part = folder / NAME, folder / f"{NAME}.part"
@@ -84,7 +84,7 @@ def write(folder: str | Path, run: Run) -> Path:
     return path
 
 
-def page(folder: Path, run: Run) -> str:
+def page(folder: Path, run: SurveyKey) -> str:
     """The report on ``run`` as text."""
     rows, claims = _rows(folder), _claims(folder)
     values = Values.of(rows, run)
@@ -241,7 +241,7 @@ def _class_of_words(words: list[str]) -> str:
     return "long" if max(map(len, words), default=0) > 30 else "word"
 
 
-def _foreign(rows: pd.DataFrame, run: Run) -> int:
+def _foreign(rows: pd.DataFrame, run: SurveyKey) -> int:
     """How many rows are of another profile, noise or seed than the run's."""
     same = (
         (rows.profile == run.profile)

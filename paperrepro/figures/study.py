@@ -15,8 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS, canvas, scenario_name
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES
-from paperrepro.study.rows import ANGLES, COLUMNS
-from paperrepro.study.simulated import ARTEFACT
+from paperrepro.study.rows import ANGLES, ARTEFACT, COLUMNS
 from paperrepro.study.statistics import CONFIDENCE, TWO_SIDED, Interval, binomial, bootstrap
 
 #: What the surveys that are averaged have in common beside the noise; and what a sweep varies more.

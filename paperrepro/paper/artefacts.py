@@ -20,7 +20,7 @@ from paperrepro.paper.published import (
     TABLE1,
     TABLE5,
 )
-from paperrepro.study.rows import Run
+from paperrepro.study.rows import SurveyKey
 
 
 @dataclass(frozen=True)
@@ -260,10 +260,10 @@ class Values:
     """The values of one run, to be had by "artefact/scenario/metric" or ".../metric@preset"."""
 
     quantities: dict[str, Quantity]
-    run: Run
+    run: SurveyKey
 
     @classmethod
-    def of(cls, rows: pd.DataFrame, run: Run) -> "Values":
+    def of(cls, rows: pd.DataFrame, run: SurveyKey) -> "Values":
         own = rows[
             (rows.profile == run.profile)
             & (rows.noise_scale == run.noise_scale)

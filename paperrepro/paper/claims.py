@@ -49,8 +49,7 @@ from paperrepro.paper.verdicts import (
     over_noise,
     printed,
 )
-from paperrepro.study.rows import ANGLES
-from paperrepro.study.simulated import REFINED, mistaken_name
+from paperrepro.study.rows import ANGLES, REFINED, mistaken_name
 from paperrepro.study.statistics import CONFIDENCE, Evidence, Interval, Surveys
 
 #: The scenarios that the paper proposes, and its [11] with them; how the paper calls them.

@@ -21,14 +21,14 @@ from paperrepro.paper.published import (
     TABLE5,
     Published,
 )
-from paperrepro.study.rows import ANGLES, Run
+from paperrepro.study.rows import ANGLES, SurveyKey
 
 #: The scenarios that the paper proposes; SL is its [11], D is ours.
 _PROPOSED = ["A", "B", "C"]
 
 
 def calibration_rows(
-    run: Run, results: Mapping[str, CalibrationResult], truth_rad: np.ndarray
+    run: SurveyKey, results: Mapping[str, CalibrationResult], truth_rad: np.ndarray
 ) -> list[dict]:
     """Rows of Table 4: each angle's estimate and sigma, the truth, and the adjustment's figures."""
     rows = []

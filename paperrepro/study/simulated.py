@@ -39,7 +39,7 @@ from paperrepro.method.coarse_to_fine import (
 )
 from paperrepro.method.georeference import georeference
 from paperrepro.method.tie_planes import TiePlanes
-from paperrepro.study.rows import ANGLES, Run
+from paperrepro.study.rows import ANGLES, SurveyKey
 from paperrepro.survey import Mounting, Rays, Survey
 
 ARTEFACT = "study"
@@ -62,7 +62,7 @@ class Known:
     thinning: int = 1
 
 
-def survey_rows(run: Run, known: Known, survey: Survey) -> list[dict]:
+def survey_rows(run: SurveyKey, known: Known, survey: Survey) -> list[dict]:
     """Density of a strip with all its pulses, mean and below the track; displacement of its
     points, on average, where the true boresight is put in by the small-angle form I + [w]x instead
     of the rotation."""
@@ -92,7 +92,9 @@ def _in_laser_frame(rays: Rays) -> np.ndarray:
     )
 
 
-def matching_rows(run: Run, known: Known, points: Candidates, found: RoofSurvey) -> list[dict]:
+def matching_rows(
+    run: SurveyKey, known: Known, points: Candidates, found: RoofSurvey
+) -> list[dict]:
     label, _ = known.judge(found.views(points))
     one, other = label[found.tie_planes.pairs].T
     return [
@@ -105,7 +107,9 @@ def matching_rows(run: Run, known: Known, points: Candidates, found: RoofSurvey)
     ]
 
 
-def angle_rows(run: Run, name: str, result: CalibrationResult, truth: np.ndarray) -> list[dict]:
+def angle_rows(
+    run: SurveyKey, name: str, result: CalibrationResult, truth: np.ndarray
+) -> list[dict]:
     """Errors of the angles with their sigma, and the squared standardised error per angle."""
     error = result.boresight - truth
     rows = error_rows(run, name, error, result.sigma)
@@ -118,14 +122,14 @@ def angle_rows(run: Run, name: str, result: CalibrationResult, truth: np.ndarray
     ]
 
 
-def error_rows(run: Run, name: str, error: np.ndarray, sigma=(np.nan,) * 3) -> list[dict]:
+def error_rows(run: SurveyKey, name: str, error: np.ndarray, sigma=(np.nan,) * 3) -> list[dict]:
     return [
         run.row(ARTEFACT, name, f"error_{angle}", "deg", np.rad2deg(e), np.rad2deg(s))
         for angle, e, s in zip(ANGLES, error, sigma, strict=True)
     ]
 
 
-def bound_rows(run: Run, known: Known, survey: Survey, found: RoofSurvey) -> list[dict]:
+def bound_rows(run: SurveyKey, known: Known, survey: Survey, found: RoofSurvey) -> list[dict]:
     """The Cramer-Rao bound of each angle, as a standard deviation."""
     if known.noise is None:
         return []
@@ -137,7 +141,7 @@ def bound_rows(run: Run, known: Known, survey: Survey, found: RoofSurvey) -> lis
 
 
 def accuracy_rows(
-    run: Run, known: Known, points: Candidates, found: RoofSurvey,
+    run: SurveyKey, known: Known, points: Candidates, found: RoofSurvey,
     mountings: dict[str, Mounting], survey: Survey,
 ) -> list[dict]:  # fmt: skip
     """RMSE, distributions and vertical offsets of every mounting, by truth and by the reference."""
@@ -244,7 +248,7 @@ ANGLES_ONLY = Depth(refined=False, wrong=False, accuracy=False, lever_arm=False)
 def measure(
     survey: Survey,
     known: Known,
-    run: Run,
+    run: SurveyKey,
     scenarios: Sequence[str] = SCENARIO_NAMES,
     depth: Depth = Depth(),
 ) -> list[dict]:
@@ -274,7 +278,12 @@ def measure(
 
 
 def _calibrated(
-    rows: list[dict], run: Run, survey: Survey, found: RoofSurvey, truth: np.ndarray, scenarios
+    rows: list[dict],
+    run: SurveyKey,
+    survey: Survey,
+    found: RoofSurvey,
+    truth: np.ndarray,
+    scenarios,
 ) -> dict[str, CalibrationResult]:
     results = {}
     for name in scenarios:
@@ -286,7 +295,7 @@ def _calibrated(
 
 
 def _refined(
-    rows: list[dict], run: Run, survey: Survey, points: Candidates, truth: np.ndarray, results
+    rows: list[dict], run: SurveyKey, survey: Survey, points: Candidates, truth: np.ndarray, results
 ) -> dict[str, Mounting]:
     """Rows, and mountings by name, of the paper's scenarios after their refinement."""
     mountings = {}
@@ -302,7 +311,7 @@ def _refined(
 
 
 def _mistaken_rows(
-    run: Run, survey: Survey, found: RoofSurvey, truth: np.ndarray, factors: Sequence[float]
+    run: SurveyKey, survey: Survey, found: RoofSurvey, truth: np.ndarray, factors: Sequence[float]
 ) -> list[dict]:
     """Scenario D told a GNSS/INS specification that is wrong by each of ``factors``."""
     rows: list[dict] = []
@@ -326,7 +335,7 @@ def _mistaken_rows(
     return rows
 
 
-def _lever_arm_rows(run: Run, known: Known, survey: Survey, found: RoofSurvey) -> list[dict]:
+def _lever_arm_rows(run: SurveyKey, known: Known, survey: Survey, found: RoofSurvey) -> list[dict]:
     """Scenario D told a lever arm that is wrong, and asked for it."""
     rows: list[dict] = []
     told = replace(survey.mounting, lever_arm=survey.mounting.lever_arm + WRONG_LEVER_ARM)
@@ -344,7 +353,7 @@ def _lever_arm_rows(run: Run, known: Known, survey: Survey, found: RoofSurvey) -
     return rows
 
 
-def _attempt(rows: list[dict], run: Run, name: str, function: Callable, *args, **options):
+def _attempt(rows: list[dict], run: SurveyKey, name: str, function: Callable, *args, **options):
     """What ``function`` gives, or None and a row in ``rows`` that says that ``name`` failed."""
     start = time.process_time()
     try:
@@ -357,7 +366,7 @@ def _attempt(rows: list[dict], run: Run, name: str, function: Callable, *args, *
 
 
 def _wrong_match_rows(
-    run: Run, survey: Survey, found: RoofSurvey, truth: np.ndarray, scenarios: Sequence[str]
+    run: SurveyKey, survey: Survey, found: RoofSurvey, truth: np.ndarray, scenarios: Sequence[str]
 ) -> list[dict]:
     """Errors with one wrong match: taken as it is, and screened."""
     rows: list[dict] = []

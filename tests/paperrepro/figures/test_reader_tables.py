@@ -7,7 +7,7 @@ from paperrepro.method.roofs import RoofParameters
 from paperrepro.paper import tables
 from paperrepro.paper.published import TABLE2
 
-RUN = tables.Run("mount", "quick", 1.0, 1)
+RUN = tables.SurveyKey("mount", "quick", 1.0, 1)
 SCENARIOS = ("SL", "A", "B", "C")
 
 

@@ -18,11 +18,11 @@ import pytest
 from paperrepro.errors import BadInput
 from paperrepro.figures import pages
 from paperrepro.paper.artefacts import ARTEFACTS, CAPTIONS, Values, caption
-from paperrepro.study.rows import Run, frame
+from paperrepro.study.rows import SurveyKey, frame
 
 ROOT = Path(__file__).resolve().parents[2]
 FIGURES = ROOT / "figures"
-RUN = Run("mount", "quick", 1.0, 7)
+RUN = SurveyKey("mount", "quick", 1.0, 7)
 NBSP = "\u00a0"
 HOSTILE = '<script>alert("x")</script> & "quoted"'
 CLAIMS = [
@@ -179,7 +179,7 @@ def test_how_it_was_run(page):
 
 
 def test_rows_of_another_run_are_owned_to(folder):
-    text = pages.page(folder, Run("mount", "quick", 1.0, 8))
+    text = pages.page(folder, SurveyKey("mount", "quick", 1.0, 8))
     assert "12 values in rows.csv are of another profile, noise scale or seed" in text
     assert "missing in rows.csv: fig08/SL/mean" in text
 
@@ -253,7 +253,7 @@ def test_a_report_that_fails_leaves_the_old_one(folder, monkeypatch):
 
     monkeypatch.setattr(os, "replace", fail)
     with pytest.raises(OSError, match="disk full"):
-        pages.write(folder, Run("mount", "quick", 1.0, 8))
+        pages.write(folder, SurveyKey("mount", "quick", 1.0, 8))
     assert path.read_bytes() == before
     assert not list(folder.glob("*.part"))
 
@@ -288,7 +288,7 @@ def test_the_papers_tables_and_figures_are_all_registered():
 @pytest.mark.skipif(not (FIGURES / "rows.csv").exists(), reason="no figures/rows.csv yet")
 def test_the_committed_rows_have_every_value_of_the_captions():
     rows = pd.read_csv(FIGURES / "rows.csv")
-    run = Run(
+    run = SurveyKey(
         "mount", *rows.loc[rows.artefact == "fig07", ["profile", "noise_scale", "seed"]].iloc[0]
     )
     for name in CAPTIONS:

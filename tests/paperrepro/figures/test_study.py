@@ -7,8 +7,7 @@ import pytest
 
 from paperrepro import figures
 from paperrepro.figures import study
-from paperrepro.study.rows import ANGLES, Run, frame
-from paperrepro.study.simulated import ARTEFACT, FAILED
+from paperrepro.study.rows import ANGLES, ARTEFACT, FAILED, SurveyKey, frame
 from paperrepro.study.statistics import binomial
 
 NOISES, SEEDS = (0.0, 1.0, 4.0), (1, 2, 3, 4)
@@ -35,7 +34,7 @@ def rows_of(scenarios=tuple(LEVELS), preset="mount"):
     rows = []
     for noise in NOISES:
         for seed in SEEDS:
-            run = Run(preset, "quick", noise, seed)
+            run = SurveyKey(preset, "quick", noise, seed)
             for name in scenarios:
                 error = error_of(name, noise, seed)
                 sigma = 0.9 * LEVELS[name] * (0.1 + noise)
@@ -129,6 +128,6 @@ def test_one_survey_has_no_bar_and_none_no_picture():
     assert names == ["noise_errors", "noise_offsets", "noise_beaten"]
     table = study.errors(study.survey_table(single))[1]
     assert table[table.quantity == "error_deg"].low.isna().all()
-    run = Run("mount", "quick", 900.0, 1)
+    run = SurveyKey("mount", "quick", 900.0, 1)
     assert list(study.pictures(frame([run.row(ARTEFACT, "all", FAILED, "1", 1)]))) == []
     assert list(study.pictures(frame([run.row("other", "A", "x", "1", 1)]))) == []

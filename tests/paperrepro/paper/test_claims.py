@@ -13,15 +13,18 @@ from paperrepro.method.adjustment.trajectory_equations import AXES
 from paperrepro.paper import claims, published
 from paperrepro.paper.published import Published
 from paperrepro.paper.verdicts import CONDITIONS, FAILS, HOLDS, UNTESTED, VERDICTS
-from paperrepro.study.rows import ANGLES, COLUMNS, Run, frame
-from paperrepro.study.simulated import (
+from paperrepro.study.rows import (
+    ANGLES,
     ARTEFACT,
     BOUND,
+    COLUMNS,
     FAILED,
     LEVER_ARM,
     REFINED,
     SCREENED,
     WRONG,
+    SurveyKey,
+    frame,
     mistaken_name,
 )
 from paperrepro.study.statistics import LEAST_SEEDS, Evidence, binomial, bootstrap
@@ -58,7 +61,7 @@ def usual_rows():
         rows.append({**run.row(ARTEFACT, scenario, metric, "", value, sigma), "of": of})
 
     for seed in range(1, LEAST_SEEDS + 1):
-        run = Run("mount", "quick", 1.0, seed)
+        run = SurveyKey("mount", "quick", 1.0, seed)
         for _, metric in (key for key in USUAL if key[0] == "all"):
             add(run, "all", metric, metric)
         for name in (*SCENARIOS, "before", "truth"):
@@ -69,7 +72,7 @@ def usual_rows():
             for metric, against in itertools.product(ACCURACY, AGAINST):
                 add(run, name, f"{metric}_{against}", metric)
     for seed in range(1, LEAST_SEEDS + 1):
-        run = Run("mount", "quick", 1.0, seed)
+        run = SurveyKey("mount", "quick", 1.0, seed)
         for angle in ANGLES:
             add(run, BOUND, f"bound_{angle}", "bound")
             for name in MISTAKEN:
@@ -264,7 +267,9 @@ def test_surveys_that_do_not_decide_are_not_a_verdict():
 
 
 def failures(scenario, seeds, of=FAILED):
-    return frame(Run("mount", "quick", 1.0, s).row(ARTEFACT, scenario, of, "1", 1) for s in seeds)
+    return frame(
+        SurveyKey("mount", "quick", 1.0, s).row(ARTEFACT, scenario, of, "1", 1) for s in seeds
+    )
 
 
 def test_a_wrong_match_that_ends_in_no_solution_is_harm():

@@ -18,8 +18,8 @@ from paperrepro.paper.reproduce import NotebookFailed
 PARAMETERS = 'seed: int = 1\nfigures_dir: str = ""'
 WRITES = """
 from pathlib import Path
-from paperrepro.paper.tables import Run, frame, write_csv
-row = Run("mount", "quick", 1.0, seed).row("table4", "A", "omega", "deg", {value})
+from paperrepro.paper.tables import SurveyKey, frame, write_csv
+row = SurveyKey("mount", "quick", 1.0, seed).row("table4", "A", "omega", "deg", {value})
 write_csv(frame([row]), Path(figures_dir) / "rows", "{name}")
 (Path(figures_dir) / "{name}.txt").write_text(str(seed))
 """

@@ -7,10 +7,10 @@ import pytest
 from paperrepro.method.adjustment.scenarios import calibrate
 from paperrepro.paper.published import TABLE4
 from paperrepro.paper.tables import calibration_rows, table4
-from paperrepro.study.rows import COLUMNS, Run, frame, write_csv
+from paperrepro.study.rows import COLUMNS, SurveyKey, frame, write_csv
 from tests.paperrepro.labelled import matched_faces, survey_of
 
-RUN = Run("mount", "quick", 1.0, 7)
+RUN = SurveyKey("mount", "quick", 1.0, 7)
 
 
 @pytest.fixture(scope="module")
