@@ -11,7 +11,7 @@ from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS, STYLE, canvas, t
 from paperrepro.figures.calibration import correlation_matrix
 from paperrepro.figures.pages import Picture
 from paperrepro.flight.calibrate import OwnFlight
-from paperrepro.method.accuracy import PairDistances, nmad, plane_centroids, rmse
+from paperrepro.method.accuracy import PairDistances, nmad, rmse
 from paperrepro.method.georeference import georeference
 from paperrepro.paper.numbers import SYMBOLS, number
 
@@ -123,7 +123,7 @@ def _map(own: OwnFlight) -> Picture:
         rays = survey.rays(strip, few)
         points[strip.name] = georeference(rays, mounting)
         paths[strip.name] = rays.pose[np.argsort(rays.time, kind="stable"), :3]
-    planes = plane_centroids(own.tie_planes, mounting)
+    planes = own.tie_planes.plane_states(mounting).centroid
     figure, ax = canvas("double", 105)
     flight_map(ax, points, paths, planes)
     words = f"{len(points)} strips, their trajectory and {len(planes)} planes seen from above"

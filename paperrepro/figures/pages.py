@@ -25,7 +25,7 @@ from paperrepro import __version__
 from paperrepro._files import write_text
 from paperrepro.errors import BadInput
 from paperrepro.flight.calibrate import OwnFlight
-from paperrepro.method.accuracy import median_ratio, plane_centroids, rmse
+from paperrepro.method.accuracy import median_ratio, rmse
 from paperrepro.method.adjustment.observability import AXIS_WORDS
 from paperrepro.paper.artefacts import ARTEFACTS, Artefact, Values, caption
 from paperrepro.paper.claims import HEADLINES
@@ -350,7 +350,7 @@ def _pairs(own: OwnFlight) -> Table:
 def _planes(own: OwnFlight) -> Table:
     """The planes of the result: how they lie, who sees them, how well their points fit."""
     result, ties = own.result, own.tie_planes
-    middle = plane_centroids(ties, result.calibrated)
+    middle = ties.plane_states(result.calibrated).centroid
     lines = []
     for k, plane in enumerate(result.planes):
         slope = np.degrees(np.arccos(np.clip(plane[2], -1, 1)))

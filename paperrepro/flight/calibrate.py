@@ -17,8 +17,8 @@ from paperrepro.method.adjustment.conditions import Unknowns, face_states
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.screening import screen
 from paperrepro.method.coarse_to_fine import (
+    Candidates,
     Progress,
-    find_candidates,
     find_planes,
     find_roofs,
     sample_rays,
@@ -69,9 +69,9 @@ def calibrate_flight(
     """
     _require_word("scenario", scenario, SCENARIO_NAMES)
     _require_word("planes", planes, PLANES)
-    samples = sample_rays(survey)
-    pairs = _require_overlap(survey, samples)
-    kind, found, remarks = _find(survey, planes, progress)
+    points = sample_rays(survey)
+    pairs = _require_overlap(survey, points.rays)
+    kind, found, remarks = _find(survey, points, planes, progress)
     progress(f"scenario {scenario}: {found.tie_planes.n_planes} planes")
     result, tie_planes = _adjust(survey, found.tie_planes, scenario, found.boresights[-1])
     if scenario == "D" and result.components is None:
@@ -80,7 +80,7 @@ def calibrate_flight(
             f"{ENOUGH_STRIPS} would. Sigma holds as far as the specification does."
         )
     progress(f"distances of {len(pairs)} pairs of strips")
-    distances = pair_distances(samples, pairs, survey.mounting, result.calibrated)
+    distances = pair_distances(points.rays, pairs, survey.mounting, result.calibrated)
     rejected = (*found.rejected, *result.rejected)
     return OwnFlight(
         survey, kind, result, tie_planes, rejected, found.boresights, distances, tuple(remarks)
@@ -108,12 +108,12 @@ def _require_overlap(survey: Survey, samples):
     return pairs
 
 
-def _find(survey: Survey, planes: str, progress: Progress):
+def _find(survey: Survey, points: Candidates, planes: str, progress: Progress):
     """Which planes, what was found, and what is to be said of the choice."""
     if planes == "any":
-        return "any", find_planes(survey, progress=progress), []
+        return "any", find_planes(survey, points, progress=progress), []
     try:
-        found = find_roofs(survey, find_candidates(survey, progress=progress), progress=progress)
+        found = find_roofs(survey, progress=progress)
     except (TooFewPlanes, RankDefect, NoConvergence) as error:
         if planes == "gables":
             raise
@@ -124,7 +124,7 @@ def _find(survey: Survey, planes: str, progress: Progress):
         why = f"only {found.tie_planes.n_planes} faces of gable roofs lie in two strips or more"
     remark = f"Planes of any kind were used: {why}."
     progress(remark)
-    return "any", find_planes(survey, progress=progress), [remark]
+    return "any", find_planes(survey, points, progress=progress), [remark]
 
 
 def _adjust(

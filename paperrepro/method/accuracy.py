@@ -19,9 +19,9 @@ from scipy import special, stats
 from scipy.spatial import cKDTree
 
 from paperrepro.errors import TooFewPlanes
-from paperrepro.method.adjustment.conditions import FaceStates, Unknowns, face_states
+from paperrepro.method.adjustment.conditions import FaceStates
 from paperrepro.method.cells import extent, inside
-from paperrepro.method.coarse_to_fine import RoofSurvey
+from paperrepro.method.coarse_to_fine import PlaneSurvey
 from paperrepro.method.georeference import georeference
 from paperrepro.method.matching import MatchParameters, match
 from paperrepro.method.roofs import Face, RoofParameters, Roofs, candidates, extract, virtual_point
@@ -46,17 +46,17 @@ class ReferencePlanes:
 
 def reference_roofs(cloud_m: np.ndarray, seed: int = 0) -> Roofs:
     """Gable roofs of a reference cloud (K, 3) m, m-frame."""
-    params = RoofParameters.fine()
+    params = RoofParameters()
     kept = cloud_m[candidates(cloud_m, params)]
     return extract(kept, params, np.random.default_rng(seed))
 
 
-def reference_planes(found: RoofSurvey, reference: Roofs) -> ReferencePlanes:
+def reference_planes(found: PlaneSurvey, reference: Roofs) -> ReferencePlanes:
     """Match the roofs of the strips with those of the reference; a plane takes what most views say.
 
     ``found`` must have been found under a calibrated mounting. Raises `TooFewPlanes`.
     """
-    matches = match({**found.roofs, _REFERENCE: reference}, MatchParameters.fine())
+    matches = match({**found.surfaces, _REFERENCE: reference}, MatchParameters.fine())
     votes: dict[int, list[int]] = {}
     tie_of = {key: number for number, tie in enumerate(found.ties) for key in tie}
     for pair in matches.pairs:
@@ -77,8 +77,26 @@ def reference_planes(found: RoofSurvey, reference: Roofs) -> ReferencePlanes:
 def point_to_plane(
     tie_planes: TiePlanes, mounting: Mounting, reference: ReferencePlanes
 ) -> np.ndarray:
-    """Signed distances (N',), m, of all face points that have a reference, under ``mounting``."""
-    plane_of_point = np.repeat(tie_planes.plane, np.diff(tie_planes.ranges, axis=1)[:, 0])
+    """Distances of the points of all faces from a reference, Fig. 7 and 8.
+
+    Parameters
+    ----------
+    tie_planes : TiePlanes
+    mounting : Mounting
+        Under which the points are georeferenced.
+    reference : ReferencePlanes
+        A plane, or none, for each of the tie planes.
+
+    Returns
+    -------
+    (N',) array, m
+        Signed distances of all points whose plane has a reference.
+
+    References
+    ----------
+    Eq. (7) and section 3.2.3 of the paper.
+    """
+    plane_of_point = tie_planes.plane_of_point
     kept = reference.found[plane_of_point]
     p_m = georeference(tie_planes.rays.take(kept), mounting)
     plane = reference.planes[plane_of_point[kept]]
@@ -130,7 +148,7 @@ def _from_normal(standardised: np.ndarray) -> float:
 @dataclass(frozen=True)
 class VirtualPoints:
     """Virtual points under one mounting: ``points`` (K, 3) m of the gables ``gable`` (K,) of a
-    `RoofSurvey`, their ``strips`` and ``planes`` (K, 2)."""
+    `PlaneSurvey`, their ``strips`` and ``planes`` (K, 2)."""
 
     points: np.ndarray
     gable: np.ndarray
@@ -138,10 +156,10 @@ class VirtualPoints:
     planes: np.ndarray
 
 
-def virtual_points(found: RoofSurvey, mounting: Mounting) -> VirtualPoints:
+def virtual_points(found: PlaneSurvey, mounting: Mounting) -> VirtualPoints:
     """Virtual points of all matched gables, from the same points as they lie under ``mounting``."""
     tie_planes = found.tie_planes
-    states = _states(tie_planes, mounting)
+    states = tie_planes.states(mounting)
     points, gable = [], []
     for number, (left, right) in enumerate(found.gables):
         crossing = virtual_point(_face(states, left), _face(states, right))
@@ -156,8 +174,21 @@ def virtual_points(found: RoofSurvey, mounting: Mounting) -> VirtualPoints:
 
 
 def vertical_offsets(points: VirtualPoints, reference: ReferencePlanes) -> np.ndarray:
-    """Height (K,), m, of each virtual point over the reference's ridge; NaN where it has none.
+    """Heights of virtual points over the ridges of a reference, Fig. 11.
 
+    Parameters
+    ----------
+    points : VirtualPoints
+        K of them, under a mounting.
+    reference : ReferencePlanes
+
+    Returns
+    -------
+    (K,) array, m
+        NaN where a gable has no reference.
+
+    Notes
+    -----
     The ridge is the line in which the two reference planes meet; the height is taken where, seen
     from above, the ridge passes nearest to the virtual point.
     """
@@ -171,20 +202,6 @@ def vertical_offsets(points: VirtualPoints, reference: ReferencePlanes) -> np.nd
             foot = np.linalg.solve(system, [left[3], right[3], system[2] @ p_m])
             out[k] = p_m[2] - foot[2]
     return out
-
-
-def _states(tie_planes: TiePlanes, mounting: Mounting) -> FaceStates:
-    """Centroids and planes of all faces under ``mounting``."""
-    n_rings = int(tie_planes.rays.ring.max()) + 1
-    unknowns = Unknowns.layout(mounting, n_rings, "none")
-    return face_states(tie_planes.rays, tie_planes.ranges, unknowns, unknowns.start())
-
-
-def plane_centroids(tie_planes: TiePlanes, mounting: Mounting) -> np.ndarray:
-    """(G, 3) m, m-frame: the middle of all points of each plane under ``mounting``."""
-    unknowns = Unknowns.layout(mounting, int(tie_planes.rays.ring.max()) + 1, "none")
-    ranges = tie_planes.plane_ranges
-    return face_states(tie_planes.rays, ranges, unknowns, unknowns.start()).centroid
 
 
 def _face(states: FaceStates, number: int) -> Face:

@@ -25,17 +25,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from paperrepro.errors import BadInput, TooFewPlanes
-from paperrepro.method.adjustment import conditions as eq5
-from paperrepro.method.adjustment import screening
 from paperrepro.method.adjustment.conditions import (
     SETTLED,
     FaceStates,
     PlaneNormals,
     PreparedRays,
     Unknowns,
+    centroid_blocks,
+    centroid_variances,
     face_states,
+    last_value,
     observation_variances,
     point_blocks,
+    virtual_jacobians,
 )
 from paperrepro.method.adjustment.gauss_helmert import (
     PriorObservations,
@@ -130,7 +132,7 @@ class _Model:
         rays, x = PreparedRays.of(tie_planes.rays), unknowns.start()
         planes = face_states(rays, tie_planes.plane_ranges, unknowns, x)
         require_spread(planes.plane[:, :3])
-        states = screening.for_array(lambda at: face_states(rays, tie_planes.ranges, unknowns, at))
+        states = last_value(lambda at: face_states(rays, tie_planes.ranges, unknowns, at))
         faces = np.arange(len(tie_planes.ranges))
         if scenario.free_planes:
             require_width(planes.width, [f"plane {k}" for k in range(tie_planes.n_planes)])
@@ -176,7 +178,7 @@ class _Model:
     def blocks(self, x: np.ndarray, planes: np.ndarray, settled: float = SETTLED) -> PlaneNormals:
         """All conditions at ``x`` and ``planes``; ``settled`` m as `sightlines.settle` has it."""
         parts = []
-        if self.scenario.points:
+        if self.scenario.points:  # Eq. (4)
             parts.append(
                 point_blocks(
                     self.rays,
@@ -189,22 +191,20 @@ class _Model:
                     settled,
                 )
             )
-        if self.scenario.centroids:
+        if self.scenario.centroids:  # Eq. (5)
             parts.append(self._centroid_blocks(x, planes))
         return parts[0] if len(parts) == 1 else parts[0] + parts[1]
 
     def _centroid_blocks(self, x: np.ndarray, planes: np.ndarray) -> PlaneNormals:
         states = self.states(x)
         face, group = self.centroid_face, self.centroid_group
-        J_l = eq5.virtual_jacobians(states.centroid, self.poses, self.unknowns, x)
+        J_l = virtual_jacobians(states.centroid, self.poses, self.unknowns, x)
         n = planes[group, :3]
-        s = eq5.centroid_variances(n, J_l[face], states.count[face], self.variances)
+        s = centroid_variances(n, J_l[face], states.count[face], self.variances)
         if not self.scenario.free_planes:
             reference = self.tie_planes.pairs[:, 0]
-            s = s + eq5.centroid_variances(
-                n, J_l[reference], states.count[reference], self.variances
-            )
-        return eq5.centroid_blocks(face, group, states, self.origin, planes, s)
+            s = s + centroid_variances(n, J_l[reference], states.count[reference], self.variances)
+        return centroid_blocks(face, group, states, self.origin, planes, s)
 
 
 def _result(model: _Model, solution: Solution) -> CalibrationResult:
@@ -225,7 +225,6 @@ def _result(model: _Model, solution: Solution) -> CalibrationResult:
         sigma0=sigma0,
         dof=solution.dof,
         iterations=solution.iterations,
-        converged=True,
         n_points=len(tie_planes.rays),
         n_conditions=n_points + conditions,
         rms_before=model.before.rms,
@@ -263,12 +262,31 @@ def orthogonal_projection(p_m: np.ndarray, plane: np.ndarray) -> tuple[np.ndarra
 
 
 def refine(survey: Survey, tie_planes: TiePlanes, calibrated: Mounting) -> CalibrationResult:
-    """Boresight that minimises Eq. (9), from ``calibrated`` as start; range offsets stay as they
-    are.
+    """Refine the boresight by the point-to-plane model; range offsets stay as they are.
 
-    ``tie_planes``: extracted and matched under ``calibrated``; the first face of a pair gives the
-    points, the second the target plane. Raises as `scenarios.calibrate` does,
-    `TooFewPlanes` for fewer than four planes (section 2.2.5).
+    Parameters
+    ----------
+    survey : Survey
+    tie_planes : TiePlanes
+        Extracted and matched under ``calibrated``; the first face of a pair gives the points, the
+        second the target plane.
+    calibrated : Mounting
+        The result of a calibration, where the iterations start.
+
+    Returns
+    -------
+    CalibrationResult
+
+    Raises
+    ------
+    TooFewPlanes
+        For fewer than four planes.
+    RankDefect, NoConvergence
+
+    References
+    ----------
+    Section 2.2.5, Eq. (6) to (9) of the paper.
     """
+    # Eq. (6), (7): each point is projected on its target plane; Eq. (9): boresight alone
     onto_target = replace(tie_planes, pairs=tie_planes.pairs[:, ::-1])
     return calibrate(replace(survey, mounting=calibrated), onto_target, POINT_TO_PLANE)

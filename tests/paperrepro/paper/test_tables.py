@@ -54,7 +54,7 @@ def test_an_empty_folder_writes_nothing(tmp_path, rows, monkeypatch):
 
 
 def test_table_2_shows_every_printed_value_beside_the_one_used():
-    table = table2(RoofParameters.fine(), RoofParameters.coarse()).set_index("parameter")
+    table = table2(RoofParameters(), RoofParameters().coarse()).set_index("parameter")
     assert set(TABLE2) <= set(table.index)
     for name, value in TABLE2.items():
         assert float(table.paper[name]) == value.value
