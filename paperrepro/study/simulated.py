@@ -37,7 +37,7 @@ from paperrepro.method.coarse_to_fine import (
 )
 from paperrepro.method.georeference import georeference
 from paperrepro.method.tie_planes import TiePlanes
-from paperrepro.study.rows import ANGLES, Run
+from paperrepro.study.rows import ANGLES, SurveyKey
 from paperrepro.survey import Mounting, Rays, Survey
 
 ARTEFACT = "study"
@@ -60,7 +60,7 @@ class Known:
     thinning: int = 1
 
 
-def survey_rows(run: Run, known: Known, survey: Survey) -> list[dict]:
+def survey_rows(run: SurveyKey, known: Known, survey: Survey) -> list[dict]:
     """Density of a strip with all its pulses, mean and below the track; displacement of its
     points, on average, where the true boresight is put in by the small-angle form I + [w]x instead
     of the rotation."""
@@ -90,7 +90,7 @@ def _in_laser_frame(rays: Rays) -> np.ndarray:
     )
 
 
-def matching_rows(run: Run, known: Known, found: PlaneSurvey) -> list[dict]:
+def matching_rows(run: SurveyKey, known: Known, found: PlaneSurvey) -> list[dict]:
     label, _ = known.judge(found.views)
     one, other = label[found.tie_planes.pairs].T
     return [
@@ -103,7 +103,9 @@ def matching_rows(run: Run, known: Known, found: PlaneSurvey) -> list[dict]:
     ]
 
 
-def angle_rows(run: Run, name: str, result: CalibrationResult, truth: np.ndarray) -> list[dict]:
+def angle_rows(
+    run: SurveyKey, name: str, result: CalibrationResult, truth: np.ndarray
+) -> list[dict]:
     """Errors of the angles with their sigma, and the squared standardised error per angle."""
     error = result.boresight - truth
     rows = error_rows(run, name, error, result.sigma)
@@ -116,14 +118,14 @@ def angle_rows(run: Run, name: str, result: CalibrationResult, truth: np.ndarray
     ]
 
 
-def error_rows(run: Run, name: str, error: np.ndarray, sigma=(np.nan,) * 3) -> list[dict]:
+def error_rows(run: SurveyKey, name: str, error: np.ndarray, sigma=(np.nan,) * 3) -> list[dict]:
     return [
         run.row(ARTEFACT, name, f"error_{angle}", "deg", np.rad2deg(e), np.rad2deg(s))
         for angle, e, s in zip(ANGLES, error, sigma, strict=True)
     ]
 
 
-def bound_rows(run: Run, known: Known, survey: Survey, found: PlaneSurvey) -> list[dict]:
+def bound_rows(run: SurveyKey, known: Known, survey: Survey, found: PlaneSurvey) -> list[dict]:
     """The Cramer-Rao bound of each angle, as a standard deviation."""
     if known.noise is None:
         return []
@@ -135,7 +137,7 @@ def bound_rows(run: Run, known: Known, survey: Survey, found: PlaneSurvey) -> li
 
 
 def accuracy_rows(
-    run: Run, known: Known, found: PlaneSurvey,
+    run: SurveyKey, known: Known, found: PlaneSurvey,
     mountings: dict[str, Mounting], survey: Survey,
 ) -> list[dict]:  # fmt: skip
     """RMSE, distributions and vertical offsets of every mounting, by truth and by the reference."""
@@ -240,7 +242,7 @@ ANGLES_ONLY = Depth(refined=False, wrong=False, accuracy=False, lever_arm=False)
 def measure(
     survey: Survey,
     known: Known,
-    run: Run,
+    run: SurveyKey,
     scenarios: Sequence[str] = SCENARIO_NAMES,
     depth: Depth = Depth(),
 ) -> list[dict]:
@@ -270,8 +272,13 @@ def measure(
 
 
 def _calibrated(
-    rows: list[dict], run: Run, survey: Survey, found: PlaneSurvey, truth: np.ndarray, scenarios
-) -> dict[str, CalibrationResult]:
+    rows: list[dict],
+    run: SurveyKey,
+    survey: Survey,
+    found: PlaneSurvey,
+    truth: np.ndarray,
+    scenarios,
+) -> dict[str, CalibrationResult]:  # fmt: skip
     results = {}
     for name in scenarios:
         result = _attempt(rows, run, name, calibrate, survey, found.tie_planes, name)
@@ -282,7 +289,7 @@ def _calibrated(
 
 
 def _refined(
-    rows: list[dict], run: Run, survey: Survey, points: Candidates, truth: np.ndarray, results
+    rows: list[dict], run: SurveyKey, survey: Survey, points: Candidates, truth: np.ndarray, results
 ) -> dict[str, Mounting]:
     """Rows, and mountings by name, of the paper's scenarios after their refinement."""
     mountings = {}
@@ -298,7 +305,7 @@ def _refined(
 
 
 def _mistaken_rows(
-    run: Run, survey: Survey, found: PlaneSurvey, truth: np.ndarray, factors: Sequence[float]
+    run: SurveyKey, survey: Survey, found: PlaneSurvey, truth: np.ndarray, factors: Sequence[float]
 ) -> list[dict]:
     """Scenario D told a GNSS/INS specification that is wrong by each of ``factors``."""
     rows: list[dict] = []
@@ -322,7 +329,7 @@ def _mistaken_rows(
     return rows
 
 
-def _lever_arm_rows(run: Run, known: Known, survey: Survey, found: PlaneSurvey) -> list[dict]:
+def _lever_arm_rows(run: SurveyKey, known: Known, survey: Survey, found: PlaneSurvey) -> list[dict]:
     """Scenario D told a lever arm that is wrong, and asked for it."""
     rows: list[dict] = []
     told = replace(survey.mounting, lever_arm=survey.mounting.lever_arm + WRONG_LEVER_ARM)
@@ -340,7 +347,7 @@ def _lever_arm_rows(run: Run, known: Known, survey: Survey, found: PlaneSurvey) 
     return rows
 
 
-def _attempt(rows: list[dict], run: Run, name: str, function: Callable, *args, **options):
+def _attempt(rows: list[dict], run: SurveyKey, name: str, function: Callable, *args, **options):
     """What ``function`` gives, or None and a row in ``rows`` that says that ``name`` failed."""
     start = time.process_time()
     try:
@@ -353,7 +360,7 @@ def _attempt(rows: list[dict], run: Run, name: str, function: Callable, *args, *
 
 
 def _wrong_match_rows(
-    run: Run, survey: Survey, found: PlaneSurvey, truth: np.ndarray, scenarios: Sequence[str]
+    run: SurveyKey, survey: Survey, found: PlaneSurvey, truth: np.ndarray, scenarios: Sequence[str]
 ) -> list[dict]:
     """Errors with one wrong match: taken as it is, and screened."""
     rows: list[dict] = []
