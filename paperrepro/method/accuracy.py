@@ -19,13 +19,13 @@ from scipy import special, stats
 from scipy.spatial import cKDTree
 
 from paperrepro.errors import TooFewPlanes
-from paperrepro.method.adjustment.conditions import FaceStates, Unknowns, face_states
+from paperrepro.method.adjustment.conditions import FaceStates
 from paperrepro.method.cells import extent, inside
-from paperrepro.method.coarse_to_fine import RoofSurvey
+from paperrepro.method.coarse_to_fine import PlaneSurvey
 from paperrepro.method.georeference import georeference
 from paperrepro.method.matching import MatchParameters, match
 from paperrepro.method.roofs import Face, RoofParameters, Roofs, candidates, extract, virtual_point
-from paperrepro.method.tie_planes import MatchedFaces
+from paperrepro.method.tie_planes import TiePlanes
 from paperrepro.survey import Mounting, Rays
 
 _REFERENCE = "reference"
@@ -33,7 +33,7 @@ _REFERENCE = "reference"
 
 @dataclass(frozen=True)
 class ReferencePlanes:
-    """Reference of each plane of a `MatchedFaces`: ``planes`` (G, 4) as (n, d), rows of NaN where
+    """Reference of each plane of a `TiePlanes`: ``planes`` (G, 4) as (n, d), rows of NaN where
     the reference has none."""
 
     planes: np.ndarray
@@ -46,17 +46,17 @@ class ReferencePlanes:
 
 def reference_roofs(cloud_m: np.ndarray, seed: int = 0) -> Roofs:
     """Gable roofs of a reference cloud (K, 3) m, m-frame."""
-    params = RoofParameters.fine()
+    params = RoofParameters()
     kept = cloud_m[candidates(cloud_m, params)]
     return extract(kept, params, np.random.default_rng(seed))
 
 
-def reference_planes(found: RoofSurvey, reference: Roofs) -> ReferencePlanes:
+def reference_planes(found: PlaneSurvey, reference: Roofs) -> ReferencePlanes:
     """Match the roofs of the strips with those of the reference; a plane takes what most views say.
 
     ``found`` must have been found under a calibrated mounting. Raises `TooFewPlanes`.
     """
-    matches = match({**found.roofs, _REFERENCE: reference}, MatchParameters.fine())
+    matches = match({**found.surfaces, _REFERENCE: reference}, MatchParameters.fine())
     votes: dict[int, list[int]] = {}
     tie_of = {key: number for number, tie in enumerate(found.ties) for key in tie}
     for pair in matches.pairs:
@@ -75,12 +75,30 @@ def reference_planes(found: RoofSurvey, reference: Roofs) -> ReferencePlanes:
 
 
 def point_to_plane(
-    matched: MatchedFaces, mounting: Mounting, reference: ReferencePlanes
+    tie_planes: TiePlanes, mounting: Mounting, reference: ReferencePlanes
 ) -> np.ndarray:
-    """Signed distances (N',), m, of all face points that have a reference, under ``mounting``."""
-    plane_of_point = np.repeat(matched.plane, np.diff(matched.ranges, axis=1)[:, 0])
+    """Distances of the points of all faces from a reference, Fig. 7 and 8.
+
+    Parameters
+    ----------
+    tie_planes : TiePlanes
+    mounting : Mounting
+        Under which the points are georeferenced.
+    reference : ReferencePlanes
+        A plane, or none, for each of the tie planes.
+
+    Returns
+    -------
+    (N',) array, m
+        Signed distances of all points whose plane has a reference.
+
+    References
+    ----------
+    Eq. (7) and section 3.2.3 of the paper.
+    """
+    plane_of_point = tie_planes.plane_of_point
     kept = reference.found[plane_of_point]
-    p_m = georeference(matched.rays.take(kept), mounting)
+    p_m = georeference(tie_planes.rays.take(kept), mounting)
     plane = reference.planes[plane_of_point[kept]]
     return np.einsum("na,na->n", p_m, plane[:, :3]) - plane[:, 3]
 
@@ -125,7 +143,7 @@ def _from_normal(standardised: np.ndarray) -> float:
 @dataclass(frozen=True)
 class VirtualPoints:
     """Virtual points under one mounting: ``points`` (K, 3) m of the gables ``gable`` (K,) of a
-    `RoofSurvey`, their ``strips`` and ``planes`` (K, 2)."""
+    `PlaneSurvey`, their ``strips`` and ``planes`` (K, 2)."""
 
     points: np.ndarray
     gable: np.ndarray
@@ -133,10 +151,10 @@ class VirtualPoints:
     planes: np.ndarray
 
 
-def virtual_points(found: RoofSurvey, mounting: Mounting) -> VirtualPoints:
+def virtual_points(found: PlaneSurvey, mounting: Mounting) -> VirtualPoints:
     """Virtual points of all matched gables, from the same points as they lie under ``mounting``."""
-    matched = found.matched
-    states = _states(matched, mounting)
+    tie_planes = found.tie_planes
+    states = tie_planes.states(mounting)
     points, gable = [], []
     for number, (left, right) in enumerate(found.gables):
         crossing = virtual_point(_face(states, left), _face(states, right))
@@ -144,15 +162,28 @@ def virtual_points(found: RoofSurvey, mounting: Mounting) -> VirtualPoints:
             points.append(crossing[0])
             gable.append(number)
     faces = found.gables[gable]
-    strips = tuple(matched.strips[left] for left, _ in faces)
+    strips = tuple(tie_planes.strips[left] for left, _ in faces)
     return VirtualPoints(
-        np.array(points).reshape(-1, 3), np.array(gable, int), strips, matched.plane[faces]
+        np.array(points).reshape(-1, 3), np.array(gable, int), strips, tie_planes.plane[faces]
     )
 
 
 def vertical_offsets(points: VirtualPoints, reference: ReferencePlanes) -> np.ndarray:
-    """Height (K,), m, of each virtual point over the reference's ridge; NaN where it has none.
+    """Heights of virtual points over the ridges of a reference, Fig. 11.
 
+    Parameters
+    ----------
+    points : VirtualPoints
+        K of them, under a mounting.
+    reference : ReferencePlanes
+
+    Returns
+    -------
+    (K,) array, m
+        NaN where a gable has no reference.
+
+    Notes
+    -----
     The ridge is the line in which the two reference planes meet; the height is taken where, seen
     from above, the ridge passes nearest to the virtual point.
     """
@@ -166,13 +197,6 @@ def vertical_offsets(points: VirtualPoints, reference: ReferencePlanes) -> np.nd
             foot = np.linalg.solve(system, [left[3], right[3], system[2] @ p_m])
             out[k] = p_m[2] - foot[2]
     return out
-
-
-def _states(matched: MatchedFaces, mounting: Mounting) -> FaceStates:
-    """Centroids and planes of all faces under ``mounting``."""
-    n_rings = int(matched.rays.ring.max()) + 1
-    unknowns = Unknowns.layout(mounting, n_rings, "none")
-    return face_states(matched.rays, matched.ranges, unknowns, unknowns.start())
 
 
 def _face(states: FaceStates, number: int) -> Face:

@@ -19,7 +19,7 @@ from paperrepro.errors import BadInput
 from paperrepro.study.notebooks import OUTPUT, NotebookFailed, declared, execute, kill_kernels
 from paperrepro.study.rows import write_csv
 
-NOTEBOOKS = Path(__file__).resolve().parent.parent / "notebooks"
+NOTEBOOKS = Path(__file__).resolve().parents[2] / "notebooks"
 EXECUTED = "executed"
 #: Ending of a notebook that makes no artefact: what a sweep executes for each of its runs.
 RUN = "_run"

@@ -17,6 +17,7 @@ from data_synth.navigation import ATTITUDE_SIGMA, CORRELATION_TIME, POSITION_SIG
 from paperrepro._cache import cached
 from paperrepro.errors import BadInput, PaperReproError, TooFewPlanes
 from paperrepro.frames import boresight_matrix
+from paperrepro.method import refine_all
 from paperrepro.method.accuracy import (
     Distribution,
     ReferencePlanes,
@@ -28,19 +29,12 @@ from paperrepro.method.accuracy import (
     virtual_points,
 )
 from paperrepro.method.adjustment.calibrate import PAPER_SCENARIOS, SCENARIO_NAMES, calibrate
-from paperrepro.method.adjustment.conditions import Unknowns, face_states
 from paperrepro.method.adjustment.quality import TrueNoise, cramer_rao_bound
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.trajectory_equations import AXES, GaussMarkov
-from paperrepro.method.coarse_to_fine import (
-    Candidates,
-    RoofSurvey,
-    find_candidates,
-    find_roofs,
-    refine_all,
-)
+from paperrepro.method.coarse_to_fine import Candidates, PlaneSurvey, find_candidates, find_roofs
 from paperrepro.method.georeference import georeference
-from paperrepro.method.tie_planes import MatchedFaces
+from paperrepro.method.tie_planes import TiePlanes
 from paperrepro.study.rows import (
     ANGLES,
     ARTEFACT,
@@ -107,20 +101,20 @@ class SimulatedSurvey:
         return self._stage(find_candidates, self.survey)
 
     @cached_property
-    def found(self) -> RoofSurvey:
+    def found(self) -> PlaneSurvey:
         """Roofs of all strips, matched."""
         return self._stage(find_roofs, self.survey, self.points)
 
     @cached_property
     def views(self) -> ViewTruth:
         """The true face of each matched one."""
-        return judge_views(self.survey, self.truth, self.found.views(self.points))
+        return judge_views(self.survey, self.truth, self.found.views)
 
     @property
     def true_planes(self) -> np.ndarray:
         """(G, 4) n and d, m-frame, m, of each tie plane; NaN where it is no gable face."""
-        matched = self.found.matched
-        first = np.searchsorted(matched.plane, np.arange(matched.n_planes))
+        tie_planes = self.found.tie_planes
+        first = np.searchsorted(tie_planes.plane, np.arange(tie_planes.n_planes))
         return true_planes(self.truth, self.views.label[first])
 
     @property
@@ -219,12 +213,12 @@ def measure(
     PaperReproError
         Where no roofs can be found or matched.
     """
-    survey, matched = flown.survey, flown.found.matched
+    survey, tie_planes = flown.survey, flown.found.tie_planes
     rows = _Rows(flown.key, flown.truth.boresight)
     _add_survey(rows, flown)
     _add_matching(rows, flown)
     rows.add_errors("before", survey.mounting.boresight - rows.boresight)
-    results = {name: rows.calibrated(name, survey, matched, name) for name in scenarios}
+    results = {name: rows.calibrated(name, survey, tie_planes, name) for name in scenarios}
     results = {name: result for name, result in results.items() if result}
     mountings = {"before": survey.mounting, "truth": flown.truth.mounting}
     mountings |= {name: result.calibrated for name, result in results.items()}
@@ -232,7 +226,7 @@ def measure(
         mountings |= _add_refined(rows, flown, results)
     for factor in what.mistaken:
         _add_mistaken(rows, flown, factor)
-    bound = cramer_rao_bound(survey, matched, flown.truth.mounting, flown.noise)
+    bound = cramer_rao_bound(survey, tie_planes, flown.truth.mounting, flown.noise)
     for angle, sigma in zip(ANGLES, np.rad2deg(np.sqrt(np.diag(bound))), strict=True):
         rows.add(BOUND, f"bound_{angle}", sigma, "deg")
     if what.lever_arm:
@@ -312,12 +306,12 @@ def _in_laser_frame(rays: Rays) -> np.ndarray:
 
 
 def _add_matching(rows: _Rows, flown: SimulatedSurvey) -> None:
-    matched, label = flown.found.matched, flown.views.label
-    one, other = label[matched.pairs].T
-    rows.add("all", "planes", matched.n_planes)
+    tie_planes, label = flown.found.tie_planes, flown.views.label
+    one, other = label[tie_planes.pairs].T
+    rows.add("all", "planes", tie_planes.n_planes)
     rows.add("all", "pairs", len(one))
     rows.add("all", "views", len(label))
-    rows.add("all", "points", len(matched.rays))
+    rows.add("all", "points", len(tie_planes.rays))
     rows.add("all", "false_pairs", ((one != other) | (one < 0)).sum())
     rows.add("all", "rejected", len(flown.found.rejected))
 
@@ -345,7 +339,7 @@ def _add_mistaken(rows: _Rows, flown: SimulatedSurvey, factor: float) -> None:
         attitude_sigma=factor * told.attitude_sigma,
     )
     survey = replace(flown.survey, navigation=told)
-    result = rows.calibrated(name, survey, flown.found.matched, "D", components=True)
+    result = rows.calibrated(name, survey, flown.found.tie_planes, "D", components=True)
     for group, value in result.components.items() if result else ():
         rows.add(name, f"component_{group}", value)
 
@@ -355,7 +349,7 @@ def _add_lever_arm(rows: _Rows, flown: SimulatedSurvey) -> None:
     mounting = flown.survey.mounting
     told = replace(mounting, lever_arm=mounting.lever_arm + WRONG_LEVER_ARM)
     survey = replace(flown.survey, mounting=told)
-    result = rows.calibrated(LEVER_ARM, survey, flown.found.matched, "D", lever_arm=True)
+    result = rows.calibrated(LEVER_ARM, survey, flown.found.tie_planes, "D", lever_arm=True)
     if result:
         error = result.lever_arm.value - flown.truth.mounting.lever_arm
         for axis, *pair in zip(AXES, error, result.lever_arm.sigma, strict=True):
@@ -365,11 +359,11 @@ def _add_lever_arm(rows: _Rows, flown: SimulatedSurvey) -> None:
 def _add_wrong_match(rows: _Rows, flown: SimulatedSurvey, scenarios: Sequence[str]) -> None:
     """Errors with one wrong match: taken as it is, and screened."""
     found = flown.found
-    matched = rows.attempt("all" + WRONG, with_wrong_match, found.matched, found.mounting)
-    for name in scenarios if matched is not None else ():
+    tie_planes = rows.attempt("all" + WRONG, with_wrong_match, found.tie_planes, found.mounting)
+    for name in scenarios if tie_planes is not None else ():
         for ending, robust in {WRONG: False, SCREENED: True}.items():
             if name in PAPER_SCENARIOS:
-                rows.calibrated(name + ending, flown.survey, matched, name, robust)
+                rows.calibrated(name + ending, flown.survey, tie_planes, name, robust)
 
 
 def _add_accuracy(rows: _Rows, flown: SimulatedSurvey, mountings: dict[str, Mounting]) -> None:
@@ -380,7 +374,7 @@ def _add_accuracy(rows: _Rows, flown: SimulatedSurvey, mountings: dict[str, Moun
     for name, mounting in mountings.items():
         corners = virtual_points(found, mounting)
         for against, reference in references.items():
-            distances = point_to_plane(found.matched, mounting, reference)
+            distances = point_to_plane(found.tie_planes, mounting, reference)
             offsets = vertical_offsets(corners, reference)
             for metric, unit, value in _accuracy(distances, offsets):
                 rows.add(name, f"{metric}_{against}", value, unit)
@@ -401,40 +395,38 @@ def _accuracy(distances: np.ndarray, offsets: np.ndarray) -> Iterator[tuple[str,
     yield "offset_max", "m", offsets.max()
 
 
-def with_wrong_match(matched: MatchedFaces, mounting: Mounting) -> MatchedFaces:
-    """``matched`` with the likeliest mistake: of all faces that could be taken for a view of
+def with_wrong_match(tie_planes: TiePlanes, mounting: Mounting) -> TiePlanes:
+    """``tie_planes`` with the likeliest mistake: of all faces that could be taken for a view of
     another plane, alike inclined and unseen there by their strip, the one nearest to its centroid.
 
     Only faces of planes with at least three views move, so no plane is lost. Raises `TooFewPlanes`
     where no such face exists.
     """
-    face, plane = _likeliest(matched, mounting)
-    planes = [list(np.flatnonzero(matched.plane == g)) for g in range(matched.n_planes)]
-    planes[matched.plane[face]].remove(face)
-    pairs = [tuple(pair) for pair in matched.pairs if face not in pair]
+    face, plane = _likeliest(tie_planes, mounting)
+    planes = [list(np.flatnonzero(tie_planes.plane == g)) for g in range(tie_planes.n_planes)]
+    planes[tie_planes.plane[face]].remove(face)
+    pairs = [tuple(pair) for pair in tie_planes.pairs if face not in pair]
     pairs += [(other, face) for other in planes[plane]]
     planes[plane].append(face)
-    rays = [matched.rays.take(slice(first, last)) for first, last in matched.ranges]
-    return MatchedFaces.build(rays, list(matched.strips), planes, pairs)
+    rays = [tie_planes.rays.take(slice(first, last)) for first, last in tie_planes.ranges]
+    return TiePlanes.build(rays, list(tie_planes.strips), planes, pairs)
 
 
-def _likeliest(matched: MatchedFaces, mounting: Mounting) -> tuple[int, int]:
+def _likeliest(tie_planes: TiePlanes, mounting: Mounting) -> tuple[int, int]:
     """The face to be moved, and the plane that it is moved to."""
-    unknowns = Unknowns.layout(mounting, int(matched.rays.ring.max()) + 1, "none")
-    faces = face_states(matched.rays, matched.ranges, unknowns, unknowns.start())
-    planes = face_states(matched.rays, matched.plane_ranges, unknowns, unknowns.start())
+    faces, planes = tie_planes.states(mounting), tie_planes.plane_states(mounting)
     away = np.linalg.norm(faces.centroid[:, None] - planes.centroid[None], axis=2)
     alike = np.abs(faces.plane[:, :3] @ planes.plane[:, :3].T)
     away[alike < np.cos(np.deg2rad(MOST_BETWEEN_DEG))] = np.inf
-    away[np.bincount(matched.plane)[matched.plane] < 3] = np.inf
-    for face, strip in enumerate(matched.strips):
-        seen = [p for p, s in zip(matched.plane, matched.strips, strict=True) if s == strip]
+    away[np.bincount(tie_planes.plane)[tie_planes.plane] < 3] = np.inf
+    for face, strip in enumerate(tie_planes.strips):
+        seen = [p for p, s in zip(tie_planes.plane, tie_planes.strips, strict=True) if s == strip]
         away[face, seen] = np.inf
     if not np.isfinite(away).any():
         raise TooFewPlanes(
             "expected two planes alike within "
             f"{MOST_BETWEEN_DEG:g} deg of which a strip sees only one, got none among "
-            f"{matched.n_planes}; fly over more roofs"
+            f"{tie_planes.n_planes}; fly over more roofs"
         )
     face, plane = np.unravel_index(away.argmin(), away.shape)
     return int(face), int(plane)

@@ -6,54 +6,25 @@ truncated least-squares loss (Yang et al. 2020). A common plane would be no witn
 apart from the others tilts it until it fits. Then, under that boresight, the faces of a plane that
 agree with each other most are kept. A wrong match misses by decimetres to metres, a right one by
 the noise of its trajectory.
-
-Functions that keep their last result, for what estimators ask several times in a row.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache, wraps
-from weakref import ref
 
 import numpy as np
 
 from paperrepro.method.adjustment.conditions import (
     FaceStates,
-    Sightlines,
+    PreparedRays,
     Unknowns,
     centroid_variances,
     face_states,
+    last_value,
     observation_variances,
     virtual_jacobians,
 )
-from paperrepro.method.tie_planes import MatchedFaces, Rejection
+from paperrepro.method.tie_planes import Rejection, TiePlanes
 from paperrepro.survey import Survey
-
-
-def for_array(function: Callable) -> Callable:
-    """``function(x)`` of a float array, not computed anew for the values of the call before."""
-    kept = lru_cache(maxsize=1)(lambda x: function(np.frombuffer(x)))
-    return lambda x: kept(np.asarray(x, float).tobytes())
-
-
-def for_objects(function: Callable) -> Callable:
-    """``function(one, other)``, not computed anew for the two objects of the call before.
-
-    The objects must not be changed in between; they are not kept alive.
-    """
-    last: list[tuple] = []
-
-    @wraps(function)
-    def remembered(one, other):
-        for of_one, of_other, result in tuple(last):
-            if of_one() is one and of_other() is other:
-                return result
-        result = function(one, other)
-        last[:] = [(ref(one), ref(other), result)]
-        return result
-
-    return remembered
-
 
 #: Two faces agree as long as they miss each other by no more than so many standard deviations.
 LIMIT_SIGMAS = 4.0
@@ -75,13 +46,9 @@ class Screening:
     rejected: tuple[Rejection, ...]
 
 
-@for_objects
-def screen(survey: Survey, matched: MatchedFaces) -> Screening:
-    """Find the faces of ``matched`` that do not belong to their planes.
-
-    All scenarios ask it of the same faces, so the last answer is kept.
-    """
-    pairs = _Pairs.of(survey, matched.thinned(POINTS_PER_FACE))
+def screen(survey: Survey, tie_planes: TiePlanes) -> Screening:
+    """Find the faces of ``tie_planes`` that do not belong to their planes."""
+    pairs = _Pairs.of(survey, tie_planes.thinned(POINTS_PER_FACE))
     x, control = survey.mounting.boresight, None
     weight = np.ones(len(pairs.one))
     while True:
@@ -113,7 +80,7 @@ class _Pairs:
     ``states`` gives the faces under a boresight, ``look`` the pairs.
     """
 
-    matched: MatchedFaces
+    tie_planes: TiePlanes
     unknowns: Unknowns
     variances: np.ndarray
     one: np.ndarray
@@ -123,19 +90,19 @@ class _Pairs:
     look: Callable[[np.ndarray], tuple] = field(init=False)
 
     def __post_init__(self):
-        rays, ranges = Sightlines.of(self.matched.rays), self.matched.ranges
-        states = for_array(lambda x: face_states(rays, ranges, self.unknowns, x))
-        object.__setattr__(self, "poses", self.matched.mean_poses())
+        rays, ranges = PreparedRays.of(self.tie_planes.rays), self.tie_planes.ranges
+        states = last_value(lambda x: face_states(rays, ranges, self.unknowns, x))
+        object.__setattr__(self, "poses", self.tie_planes.mean_poses())
         object.__setattr__(self, "states", states)
-        object.__setattr__(self, "look", for_array(self._look))
+        object.__setattr__(self, "look", last_value(self._look))
 
     @classmethod
-    def of(cls, survey: Survey, matched: MatchedFaces) -> "_Pairs":
-        together = matched.plane[:, None] == matched.plane
+    def of(cls, survey: Survey, tie_planes: TiePlanes) -> "_Pairs":
+        together = tie_planes.plane[:, None] == tie_planes.plane
         one, other = np.nonzero(together & ~np.eye(len(together), dtype=bool))
         unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, "none")
         variances = observation_variances(survey.navigation, survey.scanner)
-        return cls(matched, unknowns, variances, one, other)
+        return cls(tie_planes, unknowns, variances, one, other)
 
     def _look(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Distances (P,) m of centroids from planes, their derivatives (P, 3), their limits."""
@@ -163,7 +130,7 @@ class _Pairs:
 
     def consensus(self, x: np.ndarray) -> tuple[np.ndarray, tuple[Rejection, ...]]:
         """Of each plane, the faces that agree with the one that agrees with most."""
-        s, F = self.states(x), len(self.matched.ranges)
+        s, F = self.states(x), len(self.tie_planes.ranges)
         w, _, limits = self.look(x)
         n, c = s.plane[self.one, :3], s.scatter[self.other]
         spread = np.einsum("pa,pab,pb->p", n, c, n) / s.count[self.other]
@@ -173,13 +140,13 @@ class _Pairs:
         agrees = (misfit <= limit) & (misfit <= limit).T
         np.fill_diagonal(agrees, True)
         kept, rejected = np.zeros(F, dtype=bool), []
-        for g in range(self.matched.n_planes):
-            faces = np.flatnonzero(self.matched.plane == g)
+        for g in range(self.tie_planes.n_planes):
+            faces = np.flatnonzero(self.tie_planes.plane == g)
             middle = faces[_middle(agrees[np.ix_(faces, faces)], misfit[np.ix_(faces, faces)])]
             kept[faces] = agrees[middle, faces]
             for f in faces[~kept[faces]]:
                 of = float(misfit[middle, f]), float(limit[middle, f])
-                rejected.append(Rejection(self.matched.strips[f], g, s.centroid[f], *of))
+                rejected.append(Rejection(self.tie_planes.strips[f], g, s.centroid[f], *of))
         return kept, tuple(rejected)
 
 

@@ -6,13 +6,14 @@ import pytest
 from paperrepro.method.roofs import RoofParameters
 from paperrepro.paper import tables
 from paperrepro.paper.published import TABLE2
+from paperrepro.study.rows import SurveyKey, frame, write_rows
 
-RUN = tables.SurveyKey("mount", "quick", 1.0, 1)
+RUN = SurveyKey("mount", "quick", 1.0, 1)
 SCENARIOS = ("SL", "A", "B", "C")
 
 
 def test_table_2_shows_every_printed_value_beside_the_one_used():
-    table = tables.table2(RoofParameters.fine(), RoofParameters.coarse()).set_index("parameter")
+    table = tables.table2(RoofParameters(), RoofParameters().coarse()).set_index("parameter")
     assert set(TABLE2) <= set(table.index)
     for name, value in TABLE2.items():
         assert float(table.paper[name]) == value.value
@@ -32,7 +33,7 @@ def _rows(left, offset_m):
         for metric in ("max", "mean"):
             values = {(s, f"{metric}_{stage}"): offset_m for s in SCENARIOS}
             rows += RUN.rows("fig11", "m", values)
-    return tables.frame(rows)
+    return frame(rows)
 
 
 def test_claims_hold_for_the_paper_s_own_numbers():
@@ -63,7 +64,7 @@ def test_a_claim_that_fails_is_said_to_fail(left, offset_m, broken):
 
 def test_rows_are_written_into_their_folder_or_not_at_all(tmp_path):
     rows = RUN.rows("fig07", "m", {("SL", "rmse"): 0.25})
-    path = tables.write_rows(rows, tmp_path, "07_accuracy")
+    path = write_rows(rows, tmp_path, "07_accuracy")
     assert path == tmp_path / "rows" / "07_accuracy.csv"
     assert pd.read_csv(path).value.tolist() == [0.25]
-    assert tables.write_rows(rows, "", "07_accuracy") is None
+    assert write_rows(rows, "", "07_accuracy") is None

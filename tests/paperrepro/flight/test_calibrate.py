@@ -93,14 +93,14 @@ def test_what_is_said_of_before_is_under_the_nominal_mounting(any_planes):
 
 
 def test_true_mounting_against_itself_has_equal_distances(few, flown):
-    samples, mounting = sample_rays(few), flown.truth.mounting
+    samples, mounting = sample_rays(few).rays, flown.truth.mounting
     for pair in pair_distances(samples, overlaps(samples, mounting), mounting, mounting):
         np.testing.assert_array_equal(pair.before, pair.after)
 
 
 def test_a_small_dense_survey_has_small_tiles(flown):
     survey = part(flown.survey, "F1")
-    rays = sample_rays(survey)["F1"]
+    rays = sample_rays(survey).rays["F1"]
     near = np.abs(rays.time - np.median(rays.time)) < 0.4
     usual = tile_size({"F1": rays}, survey.mounting)
     dense = rays.take(near & (np.abs(rays.azimuth) < 0.3))
