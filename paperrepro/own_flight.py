@@ -31,8 +31,8 @@ ENOUGH_GABLES = 12
 #: Strips from which on the noise of the trajectory is told from the boresight: in two lines half of
 #: the boresight and an error of either look alike.
 ENOUGH_STRIPS = 4
-#: Planes, points a face and seconds between nodes from which noise is estimated.
-NOISE_PLANES, NOISE_POINTS, NOISE_SPACING = 30, 150, 0.5
+#: Planes and points a face from which noise is estimated.
+NOISE_PLANES, NOISE_POINTS = 30, 150
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def calibrate_flight(
     kind, found, remarks = _find(survey, planes, progress)
     progress(f"scenario {scenario}: {found.matched.n_planes} planes")
     result, matched = _adjust(survey, found.matched, scenario, found.boresights[-1])
-    if scenario == "D" and result.components is None:
+    if scenario == "D" and len(set(matched.strips)) < ENOUGH_STRIPS:
         remarks.append(
             f"Noise was taken as specified: {len(set(matched.strips))} strips do not show it, "
             f"{ENOUGH_STRIPS} would. Sigma holds as far as the specification does."
@@ -128,17 +128,15 @@ def _adjust(
 ) -> tuple[CalibrationResult, MatchedFaces]:
     """``scenario`` on ``matched`` from ``near`` (3,) rad, and the faces that it kept; D under the
     noise in the data. What it says of before is under the survey's own mounting."""
-    factors, start = None, replace(survey, mounting=survey.mounting.with_calibration(near))
-    if scenario == "D" and len(set(matched.strips)) >= ENOUGH_STRIPS:
-        factors = trajectory.calibrate_with_trajectory(
-            start, _few(start, matched), components=True, spacing=NOISE_SPACING, near=near
-        ).components
-        start = _with_noise(start, factors)
-    result = calibrate(start, matched, scenario)
+    found, start = None, replace(survey, mounting=survey.mounting.with_calibration(near))
+    if scenario == "D":
+        enough = len(set(matched.strips)) >= ENOUGH_STRIPS
+        found = trajectory.find_noise(start, _few(start, matched), near, enough)
+    result = calibrate(start, matched, scenario, found=found)
     kept = matched.subset(screen(start, matched).kept) if result.rejected else matched
     unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, "none")
     before = face_states(kept.rays, kept.plane_ranges, unknowns, unknowns.start()).rms
-    changed = {"mounting": survey.mounting, "rms_before": before, "components": factors}
+    changed = {"mounting": survey.mounting, "rms_before": before}
     return replace(result, **changed), kept
 
 
@@ -149,20 +147,3 @@ def _few(survey: Survey, matched: MatchedFaces) -> MatchedFaces:
     views = np.bincount(matched.plane)
     planes = choose(states.plane[:, :3], states.centroid, views, NOISE_PLANES)
     return matched.subset(np.isin(matched.plane, planes)).thinned(NOISE_POINTS)
-
-
-def _with_noise(survey: Survey, factors: dict[str, float]) -> Survey:
-    """``survey`` with its specifications times what the data say of them."""
-    given, scanner = survey.navigation, survey.scanner
-    navigation = replace(
-        given,
-        position_sigma=given.position_sigma * factors["position"],
-        attitude_sigma=given.attitude_sigma * factors["attitude"],
-        correlation_time=given.correlation_time * factors["correlation_time"],
-    )
-    scanner = replace(
-        scanner,
-        range_sigma=scanner.range_sigma * factors["range"],
-        angle_sigma=scanner.angle_sigma * factors["range"],
-    )
-    return replace(survey, navigation=navigation, scanner=scanner)

@@ -18,14 +18,14 @@ def calibrate(
     matched: MatchedFaces,
     scenario: str,
     robust: bool = True,
-    components: bool = False,
+    found: trajectory.FoundNoise | None = None,
     lever_arm: bool = False,
 ) -> CalibrationResult:
     """Estimate the boresight by ``scenario``, from ``survey.mounting``'s as start.
 
     ``robust``: faces that miss their plane are left out first, and reported (`screening`).
-    ``components``: scenario D estimates variance components; ``lever_arm``: and the lever arm,
-    which the others hold. `Observability.undetermined` names the angles that the flight does not
+    Scenario D takes the noise as specified or as ``found`` in the data; ``lever_arm``: it estimates
+    it, which the others hold. `Observability.undetermined` names the angles that the flight does not
     determine, whatever sigma the scenario has for them. Raises `BadInput` for an unknown scenario,
     `TooFewPlanes`, `RankDefect`, `NoConvergence`.
     """
@@ -41,7 +41,7 @@ def calibrate(
         matched = matched.subset(screening.kept) if rejected else matched
     if scenario == "D":
         result = trajectory.calibrate_with_trajectory(
-            survey, matched, components=components, near=near, lever_arm=lever_arm
+            survey, matched, found=found, near=near, lever_arm=lever_arm
         )
     else:
         result = _judged(survey, matched, scenarios.calibrate(survey, matched, scenario, near))

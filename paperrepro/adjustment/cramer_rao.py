@@ -11,7 +11,7 @@ import numpy as np
 
 from paperrepro.adjustment.gauss_markov import GaussMarkov
 from paperrepro.adjustment.matched import MatchedFaces
-from paperrepro.adjustment.trajectory_solver import TrajectoryModel, eliminate
+from paperrepro.adjustment.trajectory_solver import Noise, TrajectoryModel, eliminate
 from paperrepro.survey import Mounting, Survey
 
 #: Seconds between nodes: half of scenario D's change the bound by less than 0.2 %.
@@ -45,7 +45,5 @@ def cramer_rao_bound(
     x = model.unknowns.start()
     x[3:] = truth.offsets(scanner.n_rings)
     state = model.start(x)
-    step = eliminate(
-        model.normals(state), noise.process, model.nodes.time, state, model.pseudo_weight
-    )
-    return np.linalg.inv(step.S)[:3, :3]
+    flat = Noise((noise.process,), np.zeros(6), 0.0)
+    return eliminate(model.normals(state), model, flat, state).Q[:3, :3]

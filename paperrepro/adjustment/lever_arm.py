@@ -15,22 +15,61 @@ from paperrepro.survey import Mounting
 
 #: How well a lever arm is known before the flight, m: measured by tape between housings.
 PRIOR_SIGMA = 0.05
+#: Clocks of laser and GNSS/INS agree to this before the flight, s: some are off by a record.
+CLOCK_SIGMA = 0.01
 #: An axis counts as determined where the flight leaves no more than this share of the prior sigma.
 DETERMINED = 0.5
 AXES = ("forward", "right", "down")
 
 
 @dataclass(frozen=True)
-class LeverArmUnknowns(Unknowns):
-    """`Unknowns` with three more at the end of ``x``: corrections of the lever arm, m, b-frame."""
+class TrajectoryUnknowns(Unknowns):
+    """`Unknowns` with more at the end of ``x``: corrections of the ``lever`` arm, m, b-frame, and
+    the delay of the laser's ``clock``, s, where they are unknown."""
+
+    lever: bool = False
+    clock: bool = False
 
     @property
     def size(self) -> int:
-        return super().size + 3
+        return self.kept + 3 * self.lever + self.clock
+
+    @property
+    def kept(self) -> int:
+        """Boresight and offsets."""
+        return super().size
+
+    @property
+    def lever_at(self) -> slice:
+        """Where the lever arm is in ``x``."""
+        return slice(self.kept, self.kept + 3 * self.lever)
+
+    def clock_delay(self, x: np.ndarray) -> float:
+        """s, by which the poses must be taken later."""
+        return float(x[-1]) if self.clock else 0.0
+
+    def pseudo_weight(self, range_offset_sigma: float) -> np.ndarray:
+        """(size,) what is known of the unknowns before the flight."""
+        weight = np.zeros(self.size)
+        weight[3 : self.kept] = range_offset_sigma**-2.0
+        weight[self.lever_at] = PRIOR_SIGMA**-2.0
+        if self.clock:
+            weight[-1] = CLOCK_SIGMA**-2.0
+        return weight
 
     def kernel_arguments(self, x: np.ndarray) -> tuple:
         R, dR, lever, offsets, ring_column = super().kernel_arguments(x)
-        return R, dR, lever + x[-3:], offsets, ring_column
+        if self.lever:
+            lever = lever + x[self.lever_at]
+        return R, dR, lever, offsets, ring_column
+
+
+@dataclass(frozen=True)
+class Clock:
+    """``delay`` s by which poses must be taken later than the points' times say, its ``sigma``."""
+
+    delay: float
+    sigma: float
 
 
 @dataclass(frozen=True)
@@ -45,9 +84,8 @@ class LeverArm:
 
     @classmethod
     def of(cls, mounting: Mounting, x: np.ndarray, covariance: np.ndarray) -> "LeverArm":
-        """From the last three of ``x`` and of its ``covariance``."""
-        sigma = np.sqrt(np.diag(covariance)[-3:])
-        return cls(np.asarray(mounting.lever_arm, float) + x[-3:], x[-3:], sigma)
+        """From its three of ``x`` and their ``covariance``."""
+        return cls(np.asarray(mounting.lever_arm, float) + x, x, np.sqrt(np.diag(covariance)))
 
     @property
     def determined(self) -> np.ndarray:

@@ -11,16 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from paperrepro.adjustment.gauss_markov import N_COMPONENTS
-from paperrepro.adjustment.trajectory_normals import CellBlocks, Cells
-from paperrepro.adjustment.trajectory_solver import State, Step
+from paperrepro.adjustment.trajectory_solver import Noise, Solution, TrajectoryModel
 
 #: A bias counts as detectable where a test at this level finds it with this power (Baarda 1968).
 LEVEL, POWER = 0.001, 0.80
 #: Standardised bias that such a test detects, 4.13.
 NON_CENTRALITY = float(stats.norm.ppf(1 - LEVEL / 2) + stats.norm.ppf(POWER))
-#: Views whose biases are looked at together: bounds the memory of the right sides.
-CHUNK = 64
 
 
 @dataclass(frozen=True)
@@ -48,69 +44,37 @@ class Reliability:
 
 
 def reliability(
-    blocks: CellBlocks, cells: Cells, state: State, step: Step, strips: tuple[str, ...]
+    model: TrajectoryModel, noise: Noise, solution: Solution, of_surface: np.ndarray
 ) -> Reliability:
-    """`Reliability` of the views at the solution ``state``, from the ``step`` that ended there."""
-    rows = _BiasRows.of(blocks, cells, state, len(strips))
-    S_inverse = np.linalg.inv(step.S)
-    hidden, turns = np.empty(len(strips)), np.empty((len(strips), 3))
-    for first in range(0, len(strips), CHUNK):
-        part = slice(first, min(first + CHUNK, len(strips)))
-        c_t = rows.nodes(part, len(state.error))
-        coupling = step.coupling.reshape(-1, len(step.S))
-        right = rows.y[:, part] - coupling.T @ c_t.reshape(len(coupling), -1)
-        dy = S_inverse @ right
-        hidden[part] = np.einsum("kcf,kcf->f", c_t, step.factor.solve(c_t))
-        hidden[part] += (right * dy).sum(axis=0)
-        turns[part] = -dy[:3].T
-    information = np.maximum(rows.own - hidden, 1e-12 * rows.own)
-    detectable = NON_CENTRALITY / np.sqrt(information)
+    """`Reliability` of the views at the ``solution``, whose surface errors have variances
+    ``of_surface`` (F, 3).
+
+    A bias has the column of the view's own surface offset, so all that is asked of it is known: of
+    the information ``1 / Q`` on that offset the prior's is ``p``, and a bias beside it is left with
+    ``p (1 - p Q)``, and with a score of ``p`` times the offset found.
+    """
+    p, state, strips = noise.surface_weight, solution.state, model.matched.strips
+    own = np.zeros(len(strips))
+    for window, data in zip(model.windows, solution.data.windows, strict=True):
+        offsets = len(data.t) - 3 * len(window.faces) + 3 * np.arange(len(window.faces))
+        own[window.faces] = data.N[offsets, offsets]
+    own *= p / (own + p)
+    information = np.maximum(p * (1 - p * of_surface[:, 0]), 1e-12 * own)
+    detectable, score = NON_CENTRALITY / np.sqrt(information), p * state.surface[:, 0]
+    turns = np.zeros((len(strips), 3))
+    for window, step, where in zip(
+        model.windows, solution.step.steps, solution.step.where, strict=True
+    ):
+        angles = np.flatnonzero(where < 3)  # x stands in order
+        with_views = -step.views[:, :-1] @ solution.step.Q[np.ix_(where, where[angles])]
+        turns[window.faces] = -p * with_views[::3]
+    turns *= detectable[:, None]
     return Reliability(
         strip=strips,
-        plane=rows.plane,
-        redundancy=information / rows.own,
+        plane=model.matched.plane,
+        redundancy=information / own,
         detectable=detectable,
-        turns=turns * detectable[:, None],
-        bias=rows.misclosure / information,
-        standardised=rows.misclosure / np.sqrt(information),
+        turns=turns,
+        bias=score / information,
+        standardised=score / np.sqrt(information),
     )
-
-
-@dataclass(frozen=True)
-class _BiasRows:
-    """Rows of the normal equations of each view's bias: with itself, ``own`` (F,); with unknowns
-    and planes, ``y`` (Y, F); with the nodes, by cell, ``t`` (C, 12). ``misclosure`` (F,) weighted,
-    ``plane`` (F,), and the ``cells``."""
-
-    own: np.ndarray
-    y: np.ndarray
-    t: np.ndarray
-    misclosure: np.ndarray
-    plane: np.ndarray
-    cells: Cells
-
-    @classmethod
-    def of(cls, blocks: CellBlocks, cells: Cells, state: State, n_faces: int) -> "_BiasRows":
-        u = len(state.x)
-        before = -blocks.N[:, : u + 3, u + 2]  # a bias is minus the distance d, of this view alone
-        after = -blocks.N[:, u + 2, u + 3 :]
-        own, misclosure = np.zeros(n_faces), np.zeros(n_faces)
-        np.add.at(own, cells.face, -before[:, u + 2])
-        np.add.at(misclosure, cells.face, -blocks.t[:, u + 2])
-        y = np.zeros((u + 3 * len(state.planes), n_faces))
-        np.add.at(y, (slice(0, u), cells.face), before[:, :u].T)
-        for k in range(3):
-            np.add.at(y, (u + 3 * cells.plane + k, cells.face), before[:, u + k])
-        plane = np.zeros(n_faces, int)
-        plane[cells.face] = cells.plane
-        return cls(own, y, after, misclosure, plane, cells)
-
-    def nodes(self, part: slice, n_nodes: int) -> np.ndarray:
-        """(K, 6, views of ``part``): rows with the nodes."""
-        out = np.zeros((n_nodes, N_COMPONENTS, part.stop - part.start))
-        chosen = np.flatnonzero((self.cells.face >= part.start) & (self.cells.face < part.stop))
-        face, node = self.cells.face[chosen] - part.start, self.cells.node[chosen]
-        for k in range(N_COMPONENTS):
-            np.add.at(out, (node, k, face), self.t[chosen, k])
-            np.add.at(out, (node + 1, k, face), self.t[chosen, N_COMPONENTS + k])
-        return out

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from paperrepro.adjustment.lever_arm import LeverArm
+from paperrepro.adjustment.lever_arm import Clock, LeverArm
 from paperrepro.adjustment.matched import Rejection
 from paperrepro.adjustment.observability import Observability
 from paperrepro.adjustment.reliability import Reliability
@@ -59,6 +59,7 @@ class CalibrationResult:
     trajectory: TrajectoryErrors | None = None
     components: dict[str, float] | None = None
     lever_arm: LeverArm | None = None
+    clock: Clock | None = None
     reliability: Reliability | None = None
 
     @property

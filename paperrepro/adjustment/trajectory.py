@@ -6,17 +6,20 @@ sigma is too small by a factor of ten. Here the error is an unknown: a first-ord
 process estimated in the same Gauss-Helmert adjustment, as in the paper's Eq. (3)-(4) otherwise.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from paperrepro.adjustment.faces import face_states
 from paperrepro.adjustment.gauss_markov import GaussMarkov
-from paperrepro.adjustment.lever_arm import LeverArm, LeverArmUnknowns
+from paperrepro.adjustment.lever_arm import Clock, LeverArm
 from paperrepro.adjustment.matched import MatchedFaces
 from paperrepro.adjustment.observability import Observability, require_determined
 from paperrepro.adjustment.reliability import reliability
 from paperrepro.adjustment.result import CalibrationResult, TrajectoryErrors
 from paperrepro.adjustment.scenarios import calibrate
 from paperrepro.adjustment.trajectory_solver import (
+    Noise,
     Solution,
     State,
     Step,
@@ -42,11 +45,40 @@ def specified_process(navigation: Navigation) -> GaussMarkov:
     return GaussMarkov(sigma, np.full(6, navigation.correlation_time))
 
 
+def specified_noise(navigation: Navigation) -> Noise:
+    """Errors of the trajectory as specified, surfaces flat."""
+    return Noise((specified_process(navigation),), np.zeros(6), 0.0)
+
+
+@dataclass(frozen=True)
+class FoundNoise:
+    """What the data say of the noise: variance ``components``, and ``open`` (3, 3) rad², what the
+    boresight gets of their uncertainty."""
+
+    components: VarianceComponents
+    open: np.ndarray
+
+
+def find_noise(
+    survey: Survey, matched: MatchedFaces, near: np.ndarray, all_components: bool = True,
+    spacing: float = WITNESS_SPACING,
+) -> FoundNoise:  # fmt: skip
+    """Variance components from ``matched``, at a boresight ``near`` (3,) rad; where not
+    ``all_components``, those of laser and surfaces alone, and the others keep their priors."""
+    clock = survey.trajectory is not None
+    model = TrajectoryModel.prepare(survey, matched, "per_ring", spacing, clock=clock)
+    state = model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
+    free = np.ones(14, bool)
+    free[2:] = all_components
+    found = estimate(model, specified_process(survey.navigation), state, free)
+    return FoundNoise(found.components, found.open)
+
+
 def calibrate_with_trajectory(
     survey: Survey,
     matched: MatchedFaces,
     range_offsets: str = "per_ring",
-    components: bool = False,
+    found: FoundNoise | None = None,
     spacing: float = NODE_SPACING,
     near: np.ndarray | None = None,
     lever_arm: bool = False,
@@ -55,22 +87,23 @@ def calibrate_with_trajectory(
 
     A start degrees away would be taken for an error of the trajectory.
 
-    The prior is ``survey.navigation``'s specification; with ``components`` its sigma, the laser's
-    and the correlation time are estimated from the data. ``lever_arm``: it is an unknown too, with
-    what was given for it as prior (`lever_arm.PRIOR_SIGMA`). The covariance is that of the stated
-    (or estimated) noise, not scaled by sigma0. Raises `BadInput`, `RankDefect`, `NoConvergence`.
+    The prior is ``survey.navigation``'s specification, or the noise ``found`` in the data; then the
+    delay of the laser's clock is an unknown, too. ``lever_arm``: it is one, with what was given for
+    it as prior (`lever_arm.PRIOR_SIGMA`). The covariance is that of the stated (or estimated)
+    noise, not scaled by sigma0. Raises `BadInput`, `RankDefect`, `NoConvergence`.
     """
-    model = TrajectoryModel.prepare(survey, matched, range_offsets, spacing, lever_arm)
-    prior, factors = specified_process(survey.navigation), None
+    clock = found is not None and survey.trajectory is not None
+    model = TrajectoryModel.prepare(survey, matched, range_offsets, spacing, lever_arm, clock)
+    noise = specified_noise(survey.navigation)
     start = model.unknowns.start()
     if near is None:
         near = calibrate(survey, matched, "SL").boresight
-    state = model.start(np.r_[near, start[3:]])
-    if components:
-        factors, state = estimate(model, prior, state)
-        model, prior = factors.apply(model), factors.prior(prior)
-    solution = iterate(model, prior, state)
-    return _result(model, prior, start, solution, factors)
+    if found is not None:
+        model = found.components.apply(model)
+        noise = found.components.noise(specified_process(survey.navigation)).reduced()
+    state = model.start(np.r_[near, start[3:]], len(noise.processes))
+    solution = iterate(model, noise, state)
+    return _result(model, noise, start, solution, found)
 
 
 def lasting_sigma(survey: Survey, matched: MatchedFaces, boresight: np.ndarray) -> np.ndarray:
@@ -79,31 +112,32 @@ def lasting_sigma(survey: Survey, matched: MatchedFaces, boresight: np.ndarray) 
     few = matched.thinned(WITNESSES)
     model = TrajectoryModel.prepare(survey, few, "per_ring", WITNESS_SPACING)
     state = model.start(np.r_[boresight, np.zeros(model.unknowns.size - 3)])
-    prior = specified_process(survey.navigation)
-    step = eliminate(model.normals(state), prior, model.nodes.time, state, model.pseudo_weight)
-    return np.sqrt(np.diag(np.linalg.inv(step.S))[:3])
+    step = eliminate(model.normals(state), model, specified_noise(survey.navigation), state)
+    return np.sqrt(np.diag(step.Q)[:3])
 
 
 def _result(
     model: TrajectoryModel,
-    prior: GaussMarkov,
+    noise: Noise,
     start: np.ndarray,
     solution: Solution,
-    factors: VarianceComponents | None,
+    found: FoundNoise | None,
 ) -> CalibrationResult:
     state, step = solution.state, solution.step
     matched, unknowns = model.matched, model.unknowns
-    lever, u = isinstance(unknowns, LeverArmUnknowns), len(state.x)
-    kept = u - 3 if lever else u
+    kept, lever = unknowns.kept, unknowns.lever_at
     observability = _observability(step.S, kept, model.pseudo_weight)
     require_determined(observability)
-    Q = np.linalg.inv(step.S)
-    observability = observability.under(np.sqrt(np.diag(Q)[:3]), prior.sigma[3:])
+    Q = step.Q_y.copy()
+    if found is not None:
+        Q[:3, :3] += found.open
+    sigma = np.sqrt(sum(np.square(process.sigma[3:]) for process in noise.processes))
+    observability = observability.under(np.sqrt(np.diag(Q)[:3]), sigma)
     planes, Q_planes = _planes_in_map(model, state, Q)
-    chi2 = solution.data.chi2 + prior_chi2(prior, model.nodes.time, state.error)
-    chi2 += float(model.pseudo_weight @ np.square(state.x))
-    dof = len(matched.rays) + np.count_nonzero(model.pseudo_weight) - len(Q)
+    chi2 = solution.data.chi2 + prior_chi2(model, noise, state)
+    dof = len(matched.rays) + np.count_nonzero(model.pseudo_weight) - len(Q) + 6
     after = face_states(matched.rays, matched.plane_ranges, unknowns, state.x)
+    variance, _, of_surface = step.covariance(model)
     return CalibrationResult(
         scenario="D",
         mounting=unknowns.mounting,
@@ -122,16 +156,24 @@ def _result(
         rms_after=after.rms,
         points_per_plane=after.count,
         observability=observability,
-        trajectory=_errors(model, state, step, Q),
-        components=None if factors is None else vars(factors).copy(),
-        lever_arm=LeverArm.of(unknowns.mounting, state.x, Q[:u, :u]) if lever else None,
-        reliability=reliability(solution.blocks, model.cells, state, step, matched.strips),
-    )
+        trajectory=_errors(model, state, step, variance),
+        components=None if found is None else found.components.named(),
+        lever_arm=(
+            LeverArm.of(unknowns.mounting, state.x[lever], Q[lever, lever])
+            if unknowns.lever else None
+        ),
+        clock=(
+            Clock(unknowns.clock_delay(state.x), float(np.sqrt(Q[len(state.x) - 1, len(state.x) - 1])))
+            if unknowns.clock else None
+        ),
+        reliability=reliability(model, noise, solution, of_surface),
+    )  # fmt: skip
 
 
 def _observability(S: np.ndarray, kept: int, pseudo: np.ndarray) -> Observability:
-    """Of boresight and offsets, the first ``kept`` unknowns; lever arm, planes and trajectory
-    being free; pseudo-observations of the offsets apart."""
+    """Of boresight and offsets, the first ``kept`` unknowns; lever arm, clock, planes and
+    trajectory being free, but for constants; pseudo-observations of the offsets apart."""
+    S = S[:-6, :-6]
     rest = S[kept:, kept:]
     S_x = S[:kept, :kept] - S[:kept, kept:] @ np.linalg.solve(rest, S[kept:, :kept])
     S_x -= np.diag(pseudo[:kept])
@@ -144,12 +186,13 @@ def _planes_in_map(model: TrajectoryModel, state: State, Q: np.ndarray):
     own = u + 3 * np.arange(n_planes)[:, None] + np.arange(3)
     to_map = np.tile(np.eye(4), (n_planes, 1, 1))
     to_map[:, 3, :3] = model.origin
-    J = to_map @ state.bases()
+    J = to_map @ model.bases(state.planes)
     planes = np.einsum("gab,gb->ga", to_map, state.planes)
     return planes, J @ Q[own[:, :, None], own[:, None, :]] @ J.transpose(0, 2, 1)
 
 
-def _errors(model: TrajectoryModel, state: State, step: Step, Q: np.ndarray) -> TrajectoryErrors:
-    given_rest = np.einsum("kcc->kc", step.factor.inverse_diagonal())
-    through_rest = np.einsum("kcy,kcy->kc", step.coupling @ Q, step.coupling)
-    return TrajectoryErrors(model.nodes.time, state.error, np.sqrt(given_rest + through_rest))
+def _errors(model: TrajectoryModel, state: State, step: Step, variance) -> TrajectoryErrors:
+    """Sigma of the changing part: the constants' goes with the boresight's."""
+    return TrajectoryErrors(
+        model.nodes.time, state.correction, np.sqrt(variance.sum(axis=1))
+    )

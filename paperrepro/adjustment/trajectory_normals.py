@@ -13,16 +13,15 @@ import numpy as np
 
 from paperrepro.adjustment.gauss_markov import Nodes
 from paperrepro.adjustment.gauss_newton import SETTLED
-from paperrepro.adjustment.lever_arm import LeverArmUnknowns
+from paperrepro.adjustment.lever_arm import TrajectoryUnknowns
 from paperrepro.adjustment.matched import MatchedFaces
-from paperrepro.adjustment.normals import Unknowns
 from paperrepro.adjustment.sightlines import Sightlines, axes, moved, ray, settle
 from paperrepro.georeference import body_to_map
 from paperrepro.kernels import over_threads
 
-N_ANGLES, N_PLANE, N_LEVER = 3, 3, 3
+N_ANGLES, N_PLANE = 3, 3
 N_NODES = 12  # two nodes of six components
-#: A row of A without offset and lever arm. Loops of a length that is known are twice as fast.
+#: A row of A without offset, lever arm and clock. Loops of a length that is known are twice as fast.
 N_ROW = N_ANGLES + N_PLANE + N_NODES
 
 
@@ -30,18 +29,20 @@ N_ROW = N_ANGLES + N_PLANE + N_NODES
 class Cells:
     """Rays sorted by cell, ``order`` (N,) being their index in the matched faces: cell ``c`` has
     rows ``ranges[c]``, lies on ``plane[c]`` in face ``face[c]`` and between nodes ``node[c]`` and
-    the next; ``share`` (N,) of the latter for each ray."""
+    the next; ``share`` (N,) of the latter for each ray, ``rate`` (N, 6) of its pose, m/s and rad/s,
+    or (0, 6) where the clock is no unknown."""
 
     order: np.ndarray
     sight: Sightlines
     share: np.ndarray
+    rate: np.ndarray
     ranges: np.ndarray
     plane: np.ndarray
     face: np.ndarray
     node: np.ndarray
 
     @classmethod
-    def of(cls, matched: MatchedFaces, nodes: Nodes) -> "Cells":
+    def of(cls, matched: MatchedFaces, nodes: Nodes, rate: np.ndarray | None = None) -> "Cells":
         face = np.repeat(np.arange(len(matched.ranges)), np.diff(matched.ranges, axis=1)[:, 0])
         node, share = nodes.locate(matched.rays.time)
         key = face * len(nodes.time) + node
@@ -51,7 +52,8 @@ class Cells:
         chosen = order[first]
         face_of_cell = face[chosen]
         return cls(
-            order, Sightlines.of(matched.rays.take(order)), share[order], ranges,
+            order, Sightlines.of(matched.rays.take(order)), share[order],
+            np.empty((0, 6)) if rate is None else np.ascontiguousarray(rate[order]), ranges,
             matched.plane[face_of_cell], face_of_cell, node[chosen],
         )  # fmt: skip
 
@@ -72,52 +74,54 @@ def cell_blocks(
     origin: np.ndarray,
     planes: np.ndarray,
     turns: np.ndarray,
-    unknowns: Unknowns,
+    unknowns: TrajectoryUnknowns,
     x: np.ndarray,
     error: np.ndarray,
     variances: np.ndarray,
-    weight: np.ndarray,
     settled: float = SETTLED,
 ) -> CellBlocks:
-    """`CellBlocks` at ``x``, ``planes`` (G, 4) with d from ``origin`` (G, 3), pose errors ``error``
-    (K, 6) m and rad, and ``variances`` (9,) of the observations, free of what the error stands for;
-    ``turns`` (G, 3, 2) how a plane's normal moves with its two unknowns; ``weight`` (F,) multiplies
-    the weights of a face's points; ``settled`` m as `sightlines.settle` has it.
+    """`CellBlocks` at ``x``, the views' ``planes`` (F, 4) with d from ``origin`` (F, 3), pose errors
+    ``error`` (K, 6) m and rad, and ``variances`` (9,) of the observations, free of what the error
+    stands for; ``turns`` (F, 3, 2) how a plane's normal moves with its two unknowns; ``settled`` m
+    as `sightlines.settle` has it.
     """  # fmt: skip
     size = unknowns.size + N_PLANE + N_NODES
     n_cells = len(cells.ranges)
     N, t, chi2 = np.zeros((n_cells, size, size)), np.zeros((n_cells, size)), np.zeros(n_cells)
     R_l_b, dR_l_b, *mounted = unknowns.kernel_arguments(x)
     over_threads(
-        _cell_blocks, n_cells, *cells.sight.columns(), cells.share, cells.ranges, cells.node,
-        origin[cells.plane], planes[cells.plane], turns[cells.plane], weight[cells.face], error,
+        _cell_blocks, n_cells, *cells.sight.columns(), cells.share, cells.rate, cells.ranges,
+        cells.node, origin[cells.face], planes[cells.face], turns[cells.face], error,
         R_l_b, axes(R_l_b, dR_l_b), *mounted, variances, settled,
-        N_LEVER if isinstance(unknowns, LeverArmUnknowns) else 0, N, t, chi2, least=8,
+        3 * unknowns.lever, unknowns.clock_delay(x), N, t, chi2, least=8,
     )  # fmt: skip
     return CellBlocks(N, t, chi2)
 
 
 @numba.njit(cache=True, nogil=True)
 def _cell_blocks(
-    first, last, position, turns, rho, ring, share, ranges, node, origin, planes, plane_turns,
-    weight, error, R_l_b, turn_axes, lever, offsets, ring_column, variances, settled, n_lever, N, t,
+    first, last, position, turns, rho, ring, share, rate, ranges, node, origin, planes, plane_turns,
+    error, R_l_b, turn_axes, lever, offsets, ring_column, variances, settled, n_lever, delay, N, t,
     chi2,
 ):  # fmt: skip
     """Fill ``N``, ``t`` and ``chi2`` of cells ``first`` to ``last``."""
-    size = N_ROW + n_lever
+    timed = len(rate) > 0
+    size = N_ROW + n_lever + timed
     v, b, seen, e, row = np.empty(9), np.empty(9), np.empty(8), np.empty(6), np.empty(size)
     sums, of_ring = np.empty((size, size + 1)), np.empty((len(ring_column), size + 2))
     per_ring, n_x = ring_column.max() >= 0, t.shape[1] - N_PLANE - N_NODES
-    where = np.arange(size)  # plane and nodes follow the unknowns, of which the lever arm is last
+    where = np.arange(size)  # plane and nodes follow the unknowns, the last: lever arm, clock
     for k in range(N_ANGLES, size):
         where[k] += n_x - (N_ANGLES if k < N_ROW else size)
     for c in range(first, last):
         before, after = error[node[c]], error[node[c] + 1]
-        plane, near, of_cell = planes[c], origin[c], weight[c]
+        plane, near = planes[c], origin[c]
         sums[:], of_ring[:] = 0.0, 0.0
         for i in range(ranges[c, 0], ranges[c, 1]):
             for m in range(6):
                 e[m] = (1 - share[i]) * before[m] + share[i] * after[m]
+                if timed:
+                    e[m] += delay * rate[i, m]
             there, then = ray(position, turns, i)
             there, then = moved(there, then, e)
             w, s = settle(
@@ -127,10 +131,14 @@ def _cell_blocks(
             _fill_row(seen, b, share[i], plane_turns[c], row)
             if n_lever > 0:
                 _fill_lever(plane, then, row)
-            _add_products(row, w, of_cell / s, sums)
+            if timed:
+                row[size - 1] = 0.0
+                for m in range(6):
+                    row[size - 1] += b[m] * rate[i, m]
+            _add_products(row, w, 1.0 / s, sums)
             if per_ring:
-                _add_offset(row, seen[3], w, of_cell / s, of_ring, ring[i])
-            chi2[c] += of_cell * w * w / s
+                _add_offset(row, seen[3], w, 1.0 / s, of_ring, ring[i])
+            chi2[c] += w * w / s
         _add_sums(sums, of_ring, where, ring_column, N[c], t[c])
 
 
@@ -201,30 +209,3 @@ def _add_sums(sums, of_ring, where, ring_column, N, t):
                 N[min(column, where[k]), max(column, where[k])] += of_ring[r, k]
             N[column, column] += of_ring[r, size]
             t[column] += of_ring[r, size + 1]
-
-
-@numba.njit(cache=True)
-def add_cells(N, t, plane, node, N_yy, t_y, N_ty, t_t, D, E):
-    """Add the cells' ``N`` and ``t`` to the normal equations of unknowns and planes, ``N_yy`` and
-    ``t_y``, of the nodes, ``D``, ``E`` and ``t_t``, and between them, ``N_ty``; to the upper
-    triangles of ``N_yy`` and ``D`` alone."""
-    n_x = N.shape[1] - N_PLANE - N_NODES
-    y = np.arange(n_x + N_PLANE)
-    for c in range(len(N)):
-        for k in range(N_PLANE):
-            y[n_x + k] = n_x + N_PLANE * plane[c] + k
-        for k in range(len(y)):
-            t_y[y[k]] += t[c, k]
-            for m in range(k, len(y)):
-                N_yy[y[k], y[m]] += N[c, k, m]
-        for after in range(2):
-            of_node = len(y) + 6 * after
-            for m in range(6):
-                t_t[node[c] + after, m] += t[c, of_node + m]
-                for k in range(len(y)):
-                    N_ty[node[c] + after, m, y[k]] += N[c, k, of_node + m]
-                for k in range(m + 1):
-                    D[node[c] + after, k, m] += N[c, of_node + k, of_node + m]
-        for k in range(6):
-            for m in range(6):
-                E[node[c], k, m] += N[c, len(y) + k, len(y) + 6 + m]
