@@ -46,4 +46,4 @@ def cramer_rao_bound(
     x[3:] = truth.offsets(scanner.n_rings)
     state = model.start(x)
     flat = Noise((noise.process,), np.zeros(6), 0.0)
-    return eliminate(model.normals(state), model, flat, state).Q[:3, :3]
+    return eliminate(model.normals(state, flat), model, flat, state).Q[:3, :3]

@@ -28,7 +28,7 @@ from paperrepro.adjustment.trajectory_solver import (
     iterate,
     prior_chi2,
 )
-from paperrepro.adjustment.variance_components import VarianceComponents, estimate
+from paperrepro.adjustment.variance_components import OF_LASER, VarianceComponents, estimate
 from paperrepro.survey import Navigation, Survey
 
 #: Seconds between nodes. Between nodes a second apart an APX-15's heading wanders by 0.01 deg,
@@ -59,17 +59,21 @@ class FoundNoise:
     open: np.ndarray
 
 
+def _clock_can_be_off(survey: Survey) -> bool:
+    """A point that came with its pose has no clock of its own."""
+    return survey.trajectory is not None and all(strip.pose is None for strip in survey.strips)
+
+
 def find_noise(
     survey: Survey, matched: MatchedFaces, near: np.ndarray, all_components: bool = True,
     spacing: float = WITNESS_SPACING,
 ) -> FoundNoise:  # fmt: skip
     """Variance components from ``matched``, at a boresight ``near`` (3,) rad; where not
     ``all_components``, those of laser and surfaces alone, and the others keep their priors."""
-    clock = survey.trajectory is not None
+    clock = _clock_can_be_off(survey)
     model = TrajectoryModel.prepare(survey, matched, "per_ring", spacing, clock=clock)
     state = model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
-    free = np.ones(14, bool)
-    free[2:] = all_components
+    free = None if all_components else OF_LASER
     found = estimate(model, specified_process(survey.navigation), state, free)
     return FoundNoise(found.components, found.open)
 
@@ -92,7 +96,7 @@ def calibrate_with_trajectory(
     it as prior (`lever_arm.PRIOR_SIGMA`). The covariance is that of the stated (or estimated)
     noise, not scaled by sigma0. Raises `BadInput`, `RankDefect`, `NoConvergence`.
     """
-    clock = found is not None and survey.trajectory is not None
+    clock = found is not None and _clock_can_be_off(survey)
     model = TrajectoryModel.prepare(survey, matched, range_offsets, spacing, lever_arm, clock)
     noise = specified_noise(survey.navigation)
     start = model.unknowns.start()
@@ -112,7 +116,8 @@ def lasting_sigma(survey: Survey, matched: MatchedFaces, boresight: np.ndarray) 
     few = matched.thinned(WITNESSES)
     model = TrajectoryModel.prepare(survey, few, "per_ring", WITNESS_SPACING)
     state = model.start(np.r_[boresight, np.zeros(model.unknowns.size - 3)])
-    step = eliminate(model.normals(state), model, specified_noise(survey.navigation), state)
+    noise = specified_noise(survey.navigation)
+    step = eliminate(model.normals(state, noise), model, noise, state)
     return np.sqrt(np.diag(step.Q)[:3])
 
 

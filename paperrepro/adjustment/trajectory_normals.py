@@ -1,6 +1,6 @@
 """Normal equations of scenario D: the point-on-plane condition with the pose error as an unknown.
 
-Points of one face between two neighbouring nodes form a cell. All of a cell's points share one
+Points of one face and one moment between two neighbouring nodes form a cell. All of a cell's points share one
 plane and two nodes, so a cell's normal equations are one small dense block; blocks are summed cell
 by cell, independent of the number of threads. A plane has three unknowns: two turns of its normal
 and its distance d.
@@ -21,6 +21,9 @@ from paperrepro.kernels import over_threads
 
 N_ANGLES, N_PLANE = 3, 3
 N_NODES = 12  # two nodes of six components
+#: A moment, s: a turn of most scanners, so that a cell holds one scan line of each beam. What the
+#: points of a moment share of a face's roughness is independent of how far the nodes are apart.
+MOMENT = 0.1
 #: A row of A without offset, lever arm and clock. Loops of a length that is known are twice as fast.
 N_ROW = N_ANGLES + N_PLANE + N_NODES
 
@@ -45,7 +48,8 @@ class Cells:
     def of(cls, matched: MatchedFaces, nodes: Nodes, rate: np.ndarray | None = None) -> "Cells":
         face = np.repeat(np.arange(len(matched.ranges)), np.diff(matched.ranges, axis=1)[:, 0])
         node, share = nodes.locate(matched.rays.time)
-        key = face * len(nodes.time) + node
+        moment = np.floor((matched.rays.time - nodes.time[0]) / MOMENT).astype(int)
+        key = (face * len(nodes.time) + node) * (moment.max() + 1) + moment
         order = np.argsort(key, kind="stable")
         first = np.flatnonzero(np.r_[True, np.diff(key[order]) > 0])
         ranges = np.column_stack([first, np.r_[first[1:], len(key)]]).astype(np.int64)

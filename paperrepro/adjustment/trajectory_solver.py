@@ -32,6 +32,9 @@ from paperrepro.survey import Survey
 
 #: A surface called flat still gets this, m: it keeps the prior finite.
 LEAST_SURFACE = 1e-5
+#: A step that lowers the sum of squares by so little is a ten thousandth of a standard deviation
+#: in any direction.
+LEAST_DECREMENT = 1e-8
 #: A process with less of the largest's sigma changes the boresight's by less than a hundredth.
 NEGLIGIBLE = 0.1
 
@@ -40,11 +43,13 @@ NEGLIGIBLE = 0.1
 class Noise:
     """Prior of the random effects: ``processes``, whose sum each pose's error follows; sigma
     ``constant`` (6,) m and rad of what lasts the whole mission; ``surface`` m, of a view's offset
-    and of what its two tilts are at one standard extent from its middle."""
+    and of what its two tilts are at one standard extent from its middle; ``roughness`` m, of the
+    offset that a view's points of a moment share: tiles, grass, what one scan line meets."""
 
     processes: tuple[GaussMarkov, ...]
     constant: np.ndarray
     surface: float
+    roughness: float = 0.0
 
     def reduced(self) -> "Noise":
         """Without processes that no component has more of than `NEGLIGIBLE` of the largest's
@@ -62,6 +67,11 @@ class Noise:
     def surface_weight(self) -> float:
         """1 / m²."""
         return max(self.surface, LEAST_SURFACE) ** -2.0
+
+    @property
+    def roughness_weight(self) -> float:
+        """1 / m²."""
+        return max(self.roughness, LEAST_SURFACE) ** -2.0
 
 
 @dataclass(frozen=True)
@@ -142,14 +152,20 @@ class TrajectoryModel:
             state.correction, self.variances, settled,
         )  # fmt: skip
 
-    def normals(self, state: "State") -> "DataNormals":
+    def normals(self, state: "State", noise: Noise) -> "DataNormals":
         """Normal equations of the conditions alone, at ``state``."""
-        return self.assemble(self.blocks(state))
+        return self.assemble(self.blocks(state), noise)
 
-    def assemble(self, blocks: CellBlocks) -> "DataNormals":
-        """Sum the cells' blocks into place, window by window."""
-        parts = (window_normals(w, blocks, self.cells, self.to_plane) for w in self.windows)
-        return DataNormals(tuple(parts), float(blocks.chi2.sum()))
+    def assemble(self, blocks: CellBlocks, noise: Noise, factor: float = 1.0) -> "DataNormals":
+        """Sum the cells' blocks, times ``factor``, into place, window by window."""
+        rough, d = noise.roughness_weight, blocks.t.shape[1] - 13
+        parts = (
+            window_normals(w, blocks, self.cells, self.to_plane, rough, factor)
+            for w in self.windows
+        )
+        total = factor * blocks.N[:, d, d] + rough
+        chi2 = factor * blocks.chi2 - np.square(factor * blocks.t[:, d]) / total
+        return DataNormals(tuple(parts), float(chi2.sum()), float(np.log(total / rough).sum()))
 
     def moved(self, state: "State", step: "Step") -> "State":
         """``state`` after the corrections of ``step``."""
@@ -210,15 +226,12 @@ class State:
 
 @dataclass(frozen=True)
 class DataNormals:
-    """Normal equations of the conditions, by window; ``chi2``."""
+    """Normal equations of the conditions, by window; ``chi2``, and the logarithm of the determinant
+    of what roughness adds to the conditions' noise."""
 
     windows: tuple[WindowNormals, ...]
     chi2: float
-
-    def scaled(self, factor: float) -> "DataNormals":
-        """With all weights multiplied by ``factor``."""
-        parts = tuple(w.scaled(factor) for w in self.windows)
-        return DataNormals(parts, factor * self.chi2)
+    log_det: float
 
 
 @dataclass(frozen=True)
@@ -268,7 +281,7 @@ def eliminate(data: DataNormals, model: TrajectoryModel, noise: Noise, state: St
     Y = u + 3 * n_planes + N_COMPONENTS
     total = Y + b * (len(model.windows) + 1)
     S, t = np.zeros((total, total)), np.zeros(total)
-    steps, places, log_det, priors = [], [], 0.0, _node_priors(model, noise, state)
+    steps, places, log_det, priors = [], [], data.log_det, _node_priors(model, noise, state)
     for number, (w, part, prior) in enumerate(
         zip(model.windows, data.windows, priors, strict=True)
     ):
@@ -353,29 +366,35 @@ def prior_chi2(model: TrajectoryModel, noise: Noise, state: State) -> float:
 @dataclass(frozen=True)
 class Solution:
     """``state`` after ``iterations``, the last ``step`` to it, and from where that was taken the
-    normal equations, ``data``."""
+    normal equations, ``data``, made of ``blocks``."""
 
     state: State
     step: Step
     data: DataNormals
+    blocks: CellBlocks
     iterations: int
 
 
 def iterate(
-    model: TrajectoryModel, noise: Noise, state: State, tolerance: float = TOLERANCE
+    model: TrajectoryModel, noise: Noise, state: State, least: float = LEAST_DECREMENT
 ) -> Solution:
-    """Gauss-Newton from ``state``; raises `NoConvergence`."""
+    """Gauss-Newton from ``state``, until a step is tiny or lowers the sum of squares by less than
+    ``least``; raises `NoConvergence`."""
     iterations = Iterations()
-    while not iterations.converged:
-        data = model.assemble(model.blocks(state, iterations.settled))
+    settled = False
+    while not settled:
+        blocks = model.blocks(state, iterations.settled)
+        data = model.assemble(blocks, noise)
         step = eliminate(data, model, noise, state)
         state = model.moved(state, step)
+        final = iterations.settled == SETTLED
         iterations.take(step.dy, step.d_error)
-        if iterations.too_many:
+        if step.decrement < least:
+            iterations.settled = SETTLED
+        settled = iterations.converged or (step.decrement < least and (final or least > 1e-6))
+        if iterations.made >= MAX_ITERATIONS and not settled:
             raise NoConvergence(
                 f"scenario D: no convergence after {MAX_ITERATIONS} iterations, last correction "
                 f"{iterations.change:.2e} (limit {TOLERANCE:.0e}); look for wrong matches"
             )
-        if iterations.change < tolerance > TOLERANCE:
-            break
-    return Solution(state, step, data, iterations.made)
+    return Solution(state, step, data, blocks, iterations.made)

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from paperrepro.adjustment.gauss_markov import GaussMarkov
+from paperrepro.adjustment.trajectory_normals import CellBlocks
 from paperrepro.adjustment.trajectory_solver import (
     DataNormals,
     Noise,
@@ -35,20 +36,22 @@ FAST_TIME, FAST_SHARE = 1.0, 0.2
 SURFACE, SURFACE_LOG_SIGMA = 0.003, np.log(10.0)
 #: No factor leaves a hundredth to a hundred times the specification.
 WIDEST_LOG = np.log(100.0)
+#: Step of the logarithm of roughness, whose slope alone is taken from two values.
+ROUGHNESS_STEP = 1e-3
 #: Rounds of estimating components and adjusting under them, and change at which they end.
 ROUNDS, SETTLED = 3, 0.05
 
 
 @dataclass(frozen=True)
 class VarianceComponents:
-    """Factor on the laser's specified sigma, ``range``; sigma of a view's ``surface`` error, m; and
-    for each of `GROUPS` the factors (4,) on the specified ``sigma`` and ``correlation_time``, and
+    """Factor on the laser's specified sigma, ``range``; sigma of a view's ``surface`` error
+    and of the ``roughness`` that its points of a moment share, m; for each of `GROUPS` the factors (4,) on the specified ``sigma`` and ``correlation_time``, and
     the sigma of errors that last a second, ``fast``, as a share of the specified.
 
-    ``logs`` (14,) are the logarithms of all, ``covariance`` (14, 14) of these, or None."""
+    ``logs`` (15,) are the logarithms of all, ``covariance`` (15, 15) of these, or None."""
 
     logs: np.ndarray = field(
-        default_factory=lambda: np.log([1.0, SURFACE, *8 * [1.0], *4 * [FAST_SHARE]])
+        default_factory=lambda: np.log([1.0, SURFACE, *8 * [1.0], *4 * [FAST_SHARE], SURFACE])
     )
     covariance: np.ndarray | None = None
 
@@ -70,7 +73,7 @@ class VarianceComponents:
 
     def named(self) -> dict[str, float]:
         """Plain numbers by name: surface in m, the rest as factors on what is specified."""
-        out = {"range": self.range, "surface_m": self.surface}
+        out = {"range": self.range, "surface_m": self.surface, "roughness_m": self.roughness}
         for k, group in enumerate(GROUPS):
             out |= {
                 group: float(self.sigma[k]), f"{group}_time": float(self.correlation_time[k]),
@@ -82,9 +85,14 @@ class VarianceComponents:
     def fast(self) -> np.ndarray:
         return np.exp(self.logs[10:14])
 
+    @property
+    def roughness(self) -> float:
+        return float(np.exp(self.logs[14]))
+
     def noise(self, specified: GaussMarkov, constant: np.ndarray | None = None) -> Noise:
-        """Prior of the random effects. The specified variance that the processes do not take is
-        left for a ``constant`` of the mission, unless one is given."""
+        """Prior of the random effects. The specified variance of the attitude that the processes do
+        not take is left for a ``constant`` of the mission, unless one is given; one of the position
+        shifts the whole cloud and is not seen."""
         sigma = specified.sigma * _spread(self.sigma)
         fast = specified.sigma * _spread(self.fast)
         tau = specified.correlation_time * _spread(self.correlation_time)
@@ -92,7 +100,8 @@ class VarianceComponents:
         if constant is None:
             left = np.square(specified.sigma) - np.square(sigma) - np.square(fast)
             constant = np.sqrt(np.maximum(left, 0.0))
-        return Noise((slow, GaussMarkov(fast, np.full(6, FAST_TIME))), constant, self.surface)
+            constant[:3] = 0.0
+        return Noise((slow, GaussMarkov(fast, np.full(6, FAST_TIME))), constant, self.surface, self.roughness)
 
     def apply(self, model: TrajectoryModel) -> TrajectoryModel:
         """The model with the laser's variances scaled."""
@@ -108,7 +117,9 @@ def _spread(of_group: np.ndarray) -> np.ndarray:
 
 
 _MIDDLE = VarianceComponents().logs
-_PRIOR_SIGMA = np.r_[10.0, SURFACE_LOG_SIGMA, np.full(12, PRIOR_LOG_SIGMA)]
+_PRIOR_SIGMA = np.r_[10.0, SURFACE_LOG_SIGMA, np.full(12, PRIOR_LOG_SIGMA), SURFACE_LOG_SIGMA]
+#: Components of laser and surfaces: any two strips show them.
+OF_LASER = np.isin(np.arange(len(_MIDDLE)), (0, 1, 14))
 
 
 @dataclass(frozen=True)
@@ -124,7 +135,7 @@ class Estimate:
 def estimate(
     model: TrajectoryModel, specified: GaussMarkov, state: State, free: np.ndarray | None = None
 ) -> Estimate:
-    """Components, those of ``free`` (14,) bool, by default all; the others keep their prior.
+    """Components, those of ``free`` (15,) bool, by default all; the others keep their prior.
     ``state`` has two processes. Raises as `trajectory_solver.iterate` does."""
     logs = VarianceComponents().logs
     free = np.ones(len(logs), bool) if free is None else free
@@ -134,10 +145,10 @@ def estimate(
     low, high = (np.where(free, logs + w, logs) / step for w in (-WIDEST_LOG, WIDEST_LOG))
     for _ in range(ROUNDS):
         components = VarianceComponents(logs)
-        noise = components.noise(specified, specified.sigma)
-        solution = iterate(components.apply(model), noise, state, 1e-5)
-        state, data = solution.state, solution.data.scaled(components.range**2)
-        likelihood = Likelihood(model, specified, state, data)
+        noise = components.noise(specified, np.zeros(6))
+        solution = iterate(components.apply(model), noise, state, 0.01)
+        state = solution.state
+        likelihood = Likelihood(model, specified, state, solution.blocks, components.range**2)
         found = minimize(
             lambda z, f=likelihood: _scaled(f(step * z), step), logs / step, jac=True,
             method="L-BFGS-B", bounds=np.column_stack([low, high]),
@@ -183,40 +194,49 @@ def _scaled(value_and_gradient, step):
 @dataclass(frozen=True)
 class Likelihood:
     """Minus twice the restricted log likelihood and log prior of the components' logarithms, at the
-    linearisation point ``state``, whose ``data`` are under the specified laser."""
+    linearisation point ``state``, whose ``blocks``, times ``factor``, are under the specified laser."""
 
     model: TrajectoryModel
     specified: GaussMarkov
     state: State
-    data: DataNormals
+    blocks: CellBlocks
+    factor: float
 
     def __call__(self, logs: np.ndarray) -> tuple[float, np.ndarray]:
-        """Value, and gradient (14,)."""
-        try:
-            step, noise, quadratic = self.step(logs)
-        except np.linalg.LinAlgError:
-            return np.inf, np.zeros(len(logs))
+        """Value, and gradient (15,)."""
+        step, noise, quadratic = self.step(logs)
+        value = self._value(logs, step, noise, quadratic)
+        rougher = logs + ROUGHNESS_STEP * (np.arange(len(logs)) == 14)
+        by_roughness = (self._value(rougher, *self.step(rougher)) - value) / ROUGHNESS_STEP
+        slopes = self._gradient(logs, noise, step, quadratic)
+        slopes[14] = by_roughness
+        slopes[0] -= by_roughness  # its part of the expected squares
+        wide = (logs - _MIDDLE) / _PRIOR_SIGMA
+        return value + wide @ wide, slopes + 2 * wide / _PRIOR_SIGMA
+
+    def _value(self, logs: np.ndarray, step: Step, noise: Noise, quadratic: float) -> float:
         model, time = self.model, self.model.nodes.time
         n_conditions, n_surface = len(model.matched.rays), step.d_surface.size
         log_det = step.log_det + n_surface * -np.log(noise.surface_weight)
         log_det -= sum(process.information(time)[2] for process in noise.processes)
-        wide = (logs - _MIDDLE) / _PRIOR_SIGMA
-        value = quadratic - step.decrement + log_det + 2 * n_conditions * logs[0] + wide @ wide
-        return value, self._gradient(logs, noise, step, quadratic) + 2 * wide / _PRIOR_SIGMA
+        return quadratic - step.decrement + log_det + 2 * n_conditions * logs[0]
 
     def step(self, logs: np.ndarray) -> tuple[Step, Noise, float]:
         """The elimination under ``logs``, and the weighted squares before it."""
         components = VarianceComponents(logs)
-        noise = components.noise(self.specified, self.specified.sigma)
-        scaled = self.data.scaled(components.range**-2)
+        noise = components.noise(self.specified, np.zeros(6))
+        scaled = self._data(components, noise)
         quadratic = scaled.chi2 + prior_chi2(self.model, noise, self.state)
         return eliminate(scaled, self.model, noise, self.state), noise, quadratic
+
+    def _data(self, components: VarianceComponents, noise: Noise) -> DataNormals:
+        return self.model.assemble(self.blocks, noise, self.factor / components.range**2)
 
     def boresight(self, logs: np.ndarray) -> tuple[State, np.ndarray, np.ndarray]:
         """State, boresight (3,) and its covariance (3, 3) under ``logs``, one step from here."""
         components = VarianceComponents(logs)
         noise = components.noise(self.specified)
-        data = self.data.scaled(components.range**-2)
+        data = self._data(components, noise)
         step = eliminate(data, self.model, noise, self.state)
         state = self.model.moved(self.state, step)
         return state, state.x[:3], step.Q[:3, :3]
