@@ -156,15 +156,14 @@ class TrajectoryModel:
         """Normal equations of the conditions alone, at ``state``."""
         return self.assemble(self.blocks(state), noise)
 
-    def assemble(self, blocks: CellBlocks, noise: Noise, factor: float = 1.0) -> "DataNormals":
-        """Sum the cells' blocks, times ``factor``, into place, window by window."""
+    def assemble(self, blocks: CellBlocks, noise: Noise) -> "DataNormals":
+        """Sum the cells' blocks into place, window by window."""
         rough, d = noise.roughness_weight, blocks.t.shape[1] - 13
         parts = (
-            window_normals(w, blocks, self.cells, self.to_plane, rough, factor)
-            for w in self.windows
+            window_normals(w, blocks, self.cells, self.to_plane, rough) for w in self.windows
         )
-        total = factor * blocks.N[:, d, d] + rough
-        chi2 = factor * blocks.chi2 - np.square(factor * blocks.t[:, d]) / total
+        total = blocks.N[:, d, d] + rough
+        chi2 = blocks.chi2 - np.square(blocks.t[:, d]) / total
         return DataNormals(tuple(parts), float(chi2.sum()), float(np.log(total / rough).sum()))
 
     def moved(self, state: "State", step: "Step") -> "State":
@@ -232,6 +231,11 @@ class DataNormals:
     windows: tuple[WindowNormals, ...]
     chi2: float
     log_det: float
+
+    def scaled(self, factor: float) -> "DataNormals":
+        """With all weights, those of roughness too, multiplied by ``factor``."""
+        parts = tuple(part.scaled(factor) for part in self.windows)
+        return DataNormals(parts, factor * self.chi2, self.log_det)
 
 
 @dataclass(frozen=True)

@@ -71,14 +71,16 @@ class WindowNormals:
     D: np.ndarray
     E: np.ndarray
 
+    def scaled(self, factor: float) -> "WindowNormals":
+        """With all weights multiplied by ``factor``."""
+        return WindowNormals(*(factor * part for part in vars(self).values()))
+
 
 def window_normals(
-    window: Window, blocks: CellBlocks, cells: Cells, to_plane: np.ndarray, roughness: float,
-    factor: float = 1.0,
-) -> WindowNormals:  # fmt: skip
-    """Sum the ``blocks`` of a window's cells, times ``factor``, once an offset of each cell of
-    information ``roughness`` 1 / m² has been eliminated; ``to_plane`` (F, 3, 3) as
-    `TrajectoryModel` has it."""
+    window: Window, blocks: CellBlocks, cells: Cells, to_plane: np.ndarray, roughness: float
+) -> WindowNormals:
+    """Sum the ``blocks`` of a window's cells, once an offset of each cell of information
+    ``roughness`` 1 / m² has been eliminated; ``to_plane`` (F, 3, 3) as `TrajectoryModel` has it."""
     begin, end = window.nodes
     n_nodes, n_faces, n_planes = end - begin, len(window.faces), len(window.planes)
     u = blocks.t.shape[1] - 15
@@ -88,7 +90,7 @@ def window_normals(
     D, E = np.zeros((n_nodes, 6, 6)), np.zeros((n_nodes - 1, 6, 6))
     view = np.searchsorted(window.faces, cells.face[window.cells])
     _add_cells(
-        blocks.N, blocks.t, window.cells, view, cells.node[window.cells] - begin, factor, roughness,
+        blocks.N, blocks.t, window.cells, view, cells.node[window.cells] - begin, roughness,
         N, t, N_t, t_t, D, E,
     )  # fmt: skip
     N += np.triu(N, 1).T
@@ -114,7 +116,7 @@ def window_normals(
 
 
 @numba.njit(cache=True)
-def _add_cells(N, t, chosen, view, node, factor, roughness, N_yy, t_y, N_ty, t_t, D, E):
+def _add_cells(N, t, chosen, view, node, roughness, N_yy, t_y, N_ty, t_t, D, E):
     """Add the ``chosen`` cells' ``N`` and ``t`` to the normal equations of unknowns and views,
     ``N_yy`` and ``t_y``, of the nodes, ``D``, ``E`` and ``t_t``, and between them, ``N_ty``; to the
     upper triangles of ``N_yy`` and ``D`` alone."""
@@ -125,22 +127,22 @@ def _add_cells(N, t, chosen, view, node, factor, roughness, N_yy, t_y, N_ty, t_t
     for i in range(len(chosen)):
         c, first = chosen[i], node[i]
         for k in range(size):
-            column[k] = factor * N[c, min(k, d), max(k, d)]
+            column[k] = N[c, min(k, d), max(k, d)]
         total = column[d] + roughness
         for k in range(size):
             for m in range(k, size):
-                M[k, m] = factor * N[c, k, m] - column[k] * column[m] / total
+                M[k, m] = N[c, k, m] - column[k] * column[m] / total
         for k in range(3):
             y[n_x + k] = n_x + 3 * view[i] + k
-        left = factor * t[c, d] / total
+        left = t[c, d] / total
         for k in range(n_y):
-            t_y[y[k]] += factor * t[c, k] - column[k] * left
+            t_y[y[k]] += t[c, k] - column[k] * left
             for m in range(k, n_y):
                 N_yy[y[k], y[m]] += M[k, m]
         for after in range(2):
             of_node = n_y + 6 * after
             for m in range(6):
-                t_t[first + after, m] += factor * t[c, of_node + m] - column[of_node + m] * left
+                t_t[first + after, m] += t[c, of_node + m] - column[of_node + m] * left
                 for k in range(n_y):
                     N_ty[first + after, m, y[k]] += M[k, of_node + m]
                 for k in range(m + 1):

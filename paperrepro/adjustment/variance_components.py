@@ -10,7 +10,7 @@ leaves open is carried into the boresight's covariance by the curvature of the l
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 
 from paperrepro.adjustment.gauss_markov import GaussMarkov
 from paperrepro.adjustment.trajectory_normals import CellBlocks
@@ -36,8 +36,10 @@ FAST_TIME, FAST_SHARE = 1.0, 0.2
 SURFACE, SURFACE_LOG_SIGMA = 0.003, np.log(10.0)
 #: No factor leaves a hundredth to a hundred times the specification.
 WIDEST_LOG = np.log(100.0)
-#: Step of the logarithm of roughness, whose slope alone is taken from two values.
-ROUGHNESS_STEP = 1e-3
+#: Where roughness stands; and change of -2 log likelihood at which a round ends.
+ROUGHNESS, FTOL = 14, 0.02
+#: A logarithm known to a tenth leaves nothing open.
+MANY = 100.0
 #: Rounds of estimating components and adjusting under them, and change at which they end.
 ROUNDS, SETTLED = 3, 0.05
 
@@ -48,7 +50,8 @@ class VarianceComponents:
     and of the ``roughness`` that its points of a moment share, m; for each of `GROUPS` the factors (4,) on the specified ``sigma`` and ``correlation_time``, and
     the sigma of errors that last a second, ``fast``, as a share of the specified.
 
-    ``logs`` (15,) are the logarithms of all, ``covariance`` (15, 15) of these, or None."""
+    ``logs`` (15,) are the logarithms of all, of roughness that of its ratio to ``range``;
+    ``covariance`` (15, 15) of these, or None."""
 
     logs: np.ndarray = field(
         default_factory=lambda: np.log([1.0, SURFACE, *8 * [1.0], *4 * [FAST_SHARE], SURFACE])
@@ -87,7 +90,7 @@ class VarianceComponents:
 
     @property
     def roughness(self) -> float:
-        return float(np.exp(self.logs[14]))
+        return float(np.exp(self.logs[0] + self.logs[14]))
 
     def noise(self, specified: GaussMarkov, constant: np.ndarray | None = None) -> Noise:
         """Prior of the random effects. The specified variance of the attitude that the processes do
@@ -119,7 +122,7 @@ def _spread(of_group: np.ndarray) -> np.ndarray:
 _MIDDLE = VarianceComponents().logs
 _PRIOR_SIGMA = np.r_[10.0, SURFACE_LOG_SIGMA, np.full(12, PRIOR_LOG_SIGMA), SURFACE_LOG_SIGMA]
 #: Components of laser and surfaces: any two strips show them.
-OF_LASER = np.isin(np.arange(len(_MIDDLE)), (0, 1, 14))
+OF_LASER = np.isin(np.arange(len(_MIDDLE)), (0, 1))
 
 
 @dataclass(frozen=True)
@@ -135,27 +138,29 @@ class Estimate:
 def estimate(
     model: TrajectoryModel, specified: GaussMarkov, state: State, free: np.ndarray | None = None
 ) -> Estimate:
-    """Components, those of ``free`` (15,) bool, by default all; the others keep their prior.
+    """Components, those of ``free`` (15,) bool, by default all, and roughness; the others keep their
+    prior.
     ``state`` has two processes. Raises as `trajectory_solver.iterate` does."""
     logs = VarianceComponents().logs
-    free = np.ones(len(logs), bool) if free is None else free
+    free = np.arange(len(logs)) != ROUGHNESS if free is None else free
     # every condition speaks of the range, few of the rest: in these steps all matter alike
     step = np.ones(len(logs))
     step[0] = 1 / np.sqrt(2 * len(model.matched.rays))
-    low, high = (np.where(free, logs + w, logs) / step for w in (-WIDEST_LOG, WIDEST_LOG))
     for _ in range(ROUNDS):
-        components = VarianceComponents(logs)
-        noise = components.noise(specified, np.zeros(6))
-        solution = iterate(components.apply(model), noise, state, 0.01)
+        components, before = VarianceComponents(logs), logs
+        solution = iterate(components.apply(model), components.noise(specified, np.zeros(6)), state, 0.01)
         state = solution.state
         likelihood = Likelihood(model, specified, state, solution.blocks, components.range**2)
+        logs = _with_roughness(likelihood, logs)
+        likelihood = likelihood.at(logs[ROUGHNESS])
+        low, high = (np.where(free, _MIDDLE + w, logs) / step for w in (-WIDEST_LOG, WIDEST_LOG))
         found = minimize(
             lambda z, f=likelihood: _scaled(f(step * z), step), logs / step, jac=True,
             method="L-BFGS-B", bounds=np.column_stack([low, high]),
-            options={"gtol": 0.05, "maxiter": 40},
+            options={"gtol": 0.2, "ftol": FTOL / max(abs(likelihood(logs)[0]), 1.0), "maxiter": 40},
         )  # fmt: skip
-        change, logs = np.abs(step * found.x - logs).max(), step * found.x
-        if change < SETTLED:
+        logs = step * found.x
+        if np.abs(logs - before).max() < SETTLED:
             break
     return _with_uncertainty(likelihood, logs, step, free)
 
@@ -175,7 +180,7 @@ def _with_uncertainty(likelihood: "Likelihood", logs, step, free) -> Estimate:
     values = np.maximum(values, np.diag(axes.T @ least @ axes))
     here, x, Q = likelihood.boresight(logs)
     extra = np.zeros((3, 3))
-    for value, axis in zip(values, axes.T, strict=True):
+    for value, axis in zip(values[values < MANY], axes.T[values < MANY], strict=True):
         for side in (1.0, -1.0):
             _, x_side, Q_side = likelihood.boresight(logs + side * step * axis / np.sqrt(value))
             extra += (Q_side - Q + np.outer(x_side - x, x_side - x)) / 2
@@ -184,6 +189,21 @@ def _with_uncertainty(likelihood: "Likelihood", logs, step, free) -> Estimate:
     return Estimate(
         VarianceComponents(logs, covariance), here, (axes * np.maximum(values, 0.0)) @ axes.T
     )
+
+
+def _with_roughness(likelihood: "Likelihood", logs: np.ndarray) -> np.ndarray:
+    """``logs`` with the ratio of roughness that is most likely, the others held."""
+
+    def value(ratio):
+        moved = np.where(np.arange(len(logs)) == ROUGHNESS, ratio, logs)
+        return likelihood.at(ratio)(moved, gradient=False)[0]
+
+    middle = _MIDDLE[ROUGHNESS]
+    found = minimize_scalar(
+        value, bounds=(middle - WIDEST_LOG, middle + WIDEST_LOG), method="bounded",
+        options={"xatol": 0.1, "maxiter": 12},
+    )  # fmt: skip
+    return np.where(np.arange(len(logs)) == ROUGHNESS, found.x, logs)
 
 
 def _scaled(value_and_gradient, step):
@@ -201,18 +221,22 @@ class Likelihood:
     state: State
     blocks: CellBlocks
     factor: float
+    data: DataNormals | None = None
 
-    def __call__(self, logs: np.ndarray) -> tuple[float, np.ndarray]:
-        """Value, and gradient (15,)."""
+    def at(self, log_ratio: float) -> "Likelihood":
+        """With the conditions' noise at one ratio of roughness."""
+        sigma = np.exp(log_ratio) * np.sqrt(self.factor)
+        noise = Noise((), np.zeros(6), 0.0, sigma)
+        return replace(self, data=self.model.assemble(self.blocks, noise).scaled(self.factor))
+
+    def __call__(self, logs: np.ndarray, gradient: bool = True) -> tuple[float, np.ndarray]:
+        """Value, and gradient (15,) but for that of roughness, which is held."""
         step, noise, quadratic = self.step(logs)
-        value = self._value(logs, step, noise, quadratic)
-        rougher = logs + ROUGHNESS_STEP * (np.arange(len(logs)) == 14)
-        by_roughness = (self._value(rougher, *self.step(rougher)) - value) / ROUGHNESS_STEP
-        slopes = self._gradient(logs, noise, step, quadratic)
-        slopes[14] = by_roughness
-        slopes[0] -= by_roughness  # its part of the expected squares
         wide = (logs - _MIDDLE) / _PRIOR_SIGMA
-        return value + wide @ wide, slopes + 2 * wide / _PRIOR_SIGMA
+        value = self._value(logs, step, noise, quadratic) + wide @ wide
+        if not gradient:
+            return value, wide
+        return value, self._gradient(logs, noise, step, quadratic) + 2 * wide / _PRIOR_SIGMA
 
     def _value(self, logs: np.ndarray, step: Step, noise: Noise, quadratic: float) -> float:
         model, time = self.model, self.model.nodes.time
@@ -225,18 +249,15 @@ class Likelihood:
         """The elimination under ``logs``, and the weighted squares before it."""
         components = VarianceComponents(logs)
         noise = components.noise(self.specified, np.zeros(6))
-        scaled = self._data(components, noise)
+        scaled = self.data.scaled(components.range**-2)
         quadratic = scaled.chi2 + prior_chi2(self.model, noise, self.state)
         return eliminate(scaled, self.model, noise, self.state), noise, quadratic
-
-    def _data(self, components: VarianceComponents, noise: Noise) -> DataNormals:
-        return self.model.assemble(self.blocks, noise, self.factor / components.range**2)
 
     def boresight(self, logs: np.ndarray) -> tuple[State, np.ndarray, np.ndarray]:
         """State, boresight (3,) and its covariance (3, 3) under ``logs``, one step from here."""
         components = VarianceComponents(logs)
         noise = components.noise(self.specified)
-        data = self._data(components, noise)
+        data = self.data.scaled(components.range**-2)
         step = eliminate(data, self.model, noise, self.state)
         state = self.model.moved(self.state, step)
         return state, state.x[:3], step.Q[:3, :3]
