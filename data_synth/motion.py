@@ -10,7 +10,7 @@ import numba
 import numpy as np
 from scipy.interpolate import PPoly
 
-from paperrepro.kernels import over_threads
+from paperrepro._compiled import over_threads
 from paperrepro.survey import Trajectory
 
 #: Spacing of the exact poses, and of the trajectory's records, s.

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 from data_synth.scene import Scene
-from paperrepro.kernels import over_threads
+from paperrepro._compiled import over_threads
 from paperrepro.survey import Mounting
 
 #: Rays per batch: bounds the transient memory to about 150 MB.

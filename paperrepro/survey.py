@@ -2,16 +2,131 @@
 
 Containers only; method and simulator share them. Columns are arrays of one length, N points or M
 poses. Metres, seconds, radians; frames as in `paperrepro.frames`.
+
+Poses over time, and between them. Metres, seconds, radians; frames as in `paperrepro.frames`.
+
+Checks of columns, shared by the containers: what was expected, what came, what to do.
 """
 
 from dataclasses import dataclass, field, replace
 
+import numba
 import numpy as np
 
-from paperrepro.checks import require_finite, require_lengths, require_vector
-from paperrepro.errors import BadInput, EmptyStrip
+from paperrepro._compiled import over_threads
+from paperrepro.errors import BadInput, EmptyStrip, NotFinite, OutsideTrajectory
 from paperrepro.frames import R_NOMINAL, boresight_matrix, require_rotation
-from paperrepro.trajectory import Trajectory
+
+
+def require_finite(values, what: str) -> None:
+    values = np.asarray(values)
+    if not np.isfinite(values).all():
+        where = int(np.flatnonzero(~np.isfinite(values.reshape(len(values), -1)).all(axis=1))[0])
+        raise NotFinite(
+            f"{what}: expected finite numbers, row {where} holds NaN or infinity; "
+            "drop such records before calibrating"
+        )
+
+
+def require_vector(values, what: str) -> None:
+    if np.shape(values) != (3,):
+        raise BadInput(
+            f"{what}: expected three numbers, got shape {np.shape(values)}; give one per body axis"
+        )
+    require_finite(values, what)
+
+
+def require_lengths(lengths: dict[str, int], what: str) -> None:
+    if len(set(lengths.values())) > 1:
+        came = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise BadInput(
+            f"{what}: expected columns of one length, got {came}; read them anew from one file"
+        )
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Poses in the m-frame: ``time`` (M,) s increasing, ``position`` (M, 3) m,
+    ``attitude`` (M, 3) rad roll, pitch, heading (heading may wrap)."""
+
+    time: np.ndarray
+    position: np.ndarray
+    attitude: np.ndarray
+
+    def __post_init__(self):
+        require_finite(self.time, "trajectory time")
+        require_finite(self.position, "trajectory position")
+        require_finite(self.attitude, "trajectory attitude")
+        names = ("time", "position", "attitude")
+        require_lengths({name: len(getattr(self, name)) for name in names}, "trajectory")
+        if len(self.time) < 2 or not (np.diff(self.time) > 0).all():
+            raise BadInput(
+                "trajectory: expected at least two poses with increasing time, got "
+                f"{len(self.time)} poses, not increasing or too few; sort it and drop repeats"
+            )
+
+    def at(self, time: np.ndarray, name: str = "strip") -> np.ndarray:
+        """Poses (N, 6) at ``time`` (N,): east, north, up, roll, pitch, heading (unwrapped).
+
+        Cubic Hermite between poses, with three-point tangents: at 200 Hz a 10 Hz vibration of
+        0.03 deg is met to 2e-5 deg where a straight line misses it by 4e-4 deg.
+        Raises `OutsideTrajectory` where ``time`` leaves the trajectory or falls into a gap.
+        """
+        time = np.ascontiguousarray(time, dtype=float)
+        require_finite(time, f"{name} time")
+        self._require_cover(time, name)
+        pose, rate = self._nodes()
+        out = np.empty((len(time), 6))
+        over_threads(_hermite, len(time), self.time, pose, rate, time, out)
+        return out
+
+    def rate(self, time: np.ndarray) -> np.ndarray:
+        """(N, 6) m/s and rad/s: how fast the pose changes at ``time`` (N,)."""
+        _, rate = self._nodes()
+        return np.column_stack([np.interp(time, self.time, column) for column in rate.T])
+
+    def _nodes(self) -> tuple[np.ndarray, np.ndarray]:
+        pose = np.column_stack([self.position, np.unwrap(self.attitude, axis=0)])
+        return pose, np.gradient(pose, self.time, axis=0)
+
+    def _require_cover(self, time: np.ndarray, name: str) -> None:
+        low, high = time.min(), time.max()
+        first, last = self.time[0], self.time[-1]
+        if low < first or high > last:
+            raise OutsideTrajectory(
+                f"{name}: its points span {low:.3f}-{high:.3f} s, the trajectory "
+                f"{first:.3f}-{last:.3f} s; give the trajectory of this flight, "
+                "in the same time system"
+            )
+        step = np.diff(self.time)
+        for gap in np.flatnonzero(step > max(1.0, 20 * np.median(step))):
+            inside = (time > self.time[gap]) & (time < self.time[gap + 1])
+            if inside.any():
+                raise OutsideTrajectory(
+                    f"{name}: {inside.sum()} points fall into a gap of {step[gap]:.1f} s in the "
+                    f"trajectory after {self.time[gap]:.3f} s; process the trajectory without gaps"
+                )
+
+
+@numba.njit(cache=True, nogil=True)
+def _hermite(first, last, nodes, value, rate, time, out):
+    """Fill rows ``first`` to ``last`` of ``out``; times mostly increase, so the node before is
+    tried first."""
+    k = 0
+    for i in range(first, last):
+        if not (nodes[k] <= time[i] < nodes[k + 1]):
+            k = min(max(np.searchsorted(nodes, time[i], side="right") - 1, 0), len(nodes) - 2)
+        h = nodes[k + 1] - nodes[k]
+        s = (time[i] - nodes[k]) / h
+        a = 2 * s * s * s - 3 * s * s + 1
+        b = s * s * s - 2 * s * s + s
+        c = s * s * s - s * s
+        for j in range(value.shape[1]):
+            out[i, j] = (
+                a * value[k, j]
+                + (1 - a) * value[k + 1, j]
+                + h * (b * rate[k, j] + c * rate[k + 1, j])
+            )
 
 
 @dataclass(frozen=True)

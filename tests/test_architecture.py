@@ -11,10 +11,10 @@ PACKAGES = ("paperrepro", "data_synth")
 COMMAND_LINE = ("paperrepro.cli", "paperrepro.commands")
 #: What simulator and method share: containers, rotation conventions, the errors both raise, and the
 #: threads their loops run on.
-SHARED = {"paperrepro.frames", "paperrepro.survey", "paperrepro.errors", "paperrepro.kernels"}
+SHARED = {"paperrepro.frames", "paperrepro.survey", "paperrepro.errors", "paperrepro._compiled"}
 PLOTTING = {"matplotlib", "seaborn", "plotly", "PIL", "IPython"}
 #: Draws nothing, but packs pictures into a page.
-PACKS_PICTURES = "paperrepro.report"
+PACKS_PICTURES = "paperrepro.figures.pages"
 LONGEST_MODULE = 300
 
 
@@ -86,8 +86,10 @@ def of_command_line(name):
 def test_the_packages_are_found():
     assert len(METHOD) > 15
     assert len(SIMULATOR) > 10
-    assert "paperrepro.survey" in imports_of("paperrepro.georeference")
-    assert "paperrepro.adjustment.centroids" in imports_of("paperrepro.adjustment.scenarios")
+    assert "paperrepro.survey" in imports_of("paperrepro.method.georeference")
+    assert "paperrepro.method.adjustment.conditions" in imports_of(
+        "paperrepro.method.adjustment.scenarios"
+    )
 
 
 @pytest.mark.parametrize(
@@ -102,12 +104,12 @@ def test_the_packages_are_found():
     ],
 )
 def test_an_import_of_the_simulator_is_seen_in_every_form(line):
-    assert of_package(imports(line, "paperrepro.matching"), "data_synth")
+    assert of_package(imports(line, "paperrepro.method.matching"), "data_synth")
 
 
 def test_a_relative_import_is_resolved():
     assert imports("from . import survey", "paperrepro.frames") == {"paperrepro.survey"}
-    assert imports("from ..survey import Rays", "paperrepro.adjustment.faces") == {
+    assert imports("from ..survey import Rays", "paperrepro.method.adjustment.conditions") == {
         "paperrepro.survey"
     }
     inner = imports("from .scene import Scene", "data_synth", is_package=True)

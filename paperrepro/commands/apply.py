@@ -31,9 +31,9 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from paperrepro.io.adjust import adjust_strips
-    from paperrepro.io.calibration import read_calibration
-    from paperrepro.io.flight import read_flight
+    from paperrepro.flight.calibration_file import read_calibration
+    from paperrepro.flight.read import read_flight
+    from paperrepro.flight.write import adjust_strips
 
     flight = read_flight(
         options.strips, options.trajectory, options.mounting,

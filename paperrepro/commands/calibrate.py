@@ -38,10 +38,11 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from paperrepro import calibration_file, calibration_report
-    from paperrepro.io.adjust import adjust_strips
-    from paperrepro.io.whole import written_whole
-    from paperrepro.own_flight import calibrate_flight
+    from paperrepro._files import written_whole
+    from paperrepro.figures import pages
+    from paperrepro.flight import calibration_file
+    from paperrepro.flight.calibrate import calibrate_flight
+    from paperrepro.flight.write import adjust_strips
 
     _refuse_early(options)
     with written_whole(options.out) as draft, _Steps(len(options.strips)) as steps:
@@ -49,19 +50,19 @@ def run(options: argparse.Namespace) -> int:
         own = calibrate_flight(flight.survey, options.scenario, options.planes, steps)
         steps("report")
         calibration_file.write(own, draft / calibration_file.NAME, notes=list(flight.notes))
-        text = calibration_report.page(own, _pictures(own), _files(options), flight.notes)
-        (draft / calibration_report.NAME).write_text(text, encoding="utf-8", newline="\n")
+        text = pages.page(own, _pictures(own), _files(options), flight.notes)
+        (draft / pages.NAME).write_text(text, encoding="utf-8", newline="\n")
         if options.write_strips:
             steps("adjusted strips")
             adjust_strips(flight, own.result.calibrated, draft)
-    print(f"{options.out}: {calibration_file.NAME}, {calibration_report.NAME}")
+    print(f"{options.out}: {calibration_file.NAME}, {pages.NAME}")
     print("\n".join([*flight.notes, *own.remarks, *calibration_file.summary(own.result)]))
     return 0
 
 
 def _refuse_early(options: argparse.Namespace) -> None:
     """Before hours of work: words that are unknown, files that are not there or would be lost."""
-    from paperrepro.adjustment.calibration import SCENARIO_NAMES
+    from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES
 
     if options.scenario not in SCENARIO_NAMES:
         raise BadInput(
@@ -81,7 +82,7 @@ def _refuse_early(options: argparse.Namespace) -> None:
 
 
 def _read(options: argparse.Namespace, steps):
-    from paperrepro.io.flight import read_flight
+    from paperrepro.flight.read import read_flight
 
     steps("reading")
     return read_flight(
@@ -101,7 +102,7 @@ def _files(options: argparse.Namespace) -> dict[str, str]:
 
 
 def _pictures(own):
-    from paperrepro.figures.own_flight import pictures
+    from paperrepro.figures.flight import pictures
 
     return pictures(own)
 

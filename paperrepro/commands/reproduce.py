@@ -29,9 +29,9 @@ def add(commands) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from data_synth import make_config
-    from paperrepro import report
-    from paperrepro.reproduce import reproduce
-    from paperrepro.tables import Run
+    from paperrepro.figures import pages
+    from paperrepro.paper.reproduce import reproduce
+    from paperrepro.study.rows import Run
 
     parameters = {
         "preset": options.preset, "profile": options.profile,
@@ -43,6 +43,6 @@ def run(options: argparse.Namespace) -> int:
     seconds = reproduce(options.out, parameters, only, options.jobs)
     for name, spent in seconds.items():
         print(f"{name:32s} {spent:7.1f} s")
-    report.write(options.out, Run(**parameters))
+    pages.write(options.out, Run(**parameters))
     print(f"{options.out}: done in {time.perf_counter() - start:.0f} s")
     return 0

@@ -44,8 +44,8 @@ def add(commands) -> None:
 def run(options: argparse.Namespace) -> int:
     from data_synth import make_config, simulate
     from data_synth.operator import Site, write_survey
-    from paperrepro.cache import cached
-    from paperrepro.io.whole import written_whole
+    from paperrepro._cache import cached
+    from paperrepro._files import written_whole
 
     config = make_config(
         options.preset, options.profile, seed=options.seed,

@@ -4,9 +4,8 @@ import argparse
 from dataclasses import asdict, replace
 from pathlib import Path
 
-import numpy as np
-
 from paperrepro.errors import BadInput
+from paperrepro.study.simulated import simulate_one
 
 #: Factors by which scenario D is told a wrong specification of the GNSS/INS.
 MISTAKEN = (0.5, 2.0)
@@ -50,10 +49,10 @@ def _names(text: str) -> tuple[str, ...]:
 
 def run(options: argparse.Namespace) -> int:
     import data_synth.evaluation
-    from paperrepro.cache import code_version
-    from paperrepro.montecarlo import run_seeds
-    from paperrepro.study import FAILED
-    from paperrepro.tables import write_csv
+    from paperrepro._cache import code_version
+    from paperrepro.study.montecarlo import run_seeds
+    from paperrepro.study.rows import write_csv
+    from paperrepro.study.simulated import FAILED
 
     runs = _runs(options)
     if not runs:
@@ -74,8 +73,8 @@ def _runs(options: argparse.Namespace) -> dict:
     """Surveys and how deep each is measured: all of it for the first seeds; of the further ones,
     of the first preset alone, boresight and sigma. At the specified noise scenario D is also told
     a specification wrong by two."""
-    from paperrepro.study import ANGLES_ONLY, Depth
-    from paperrepro.tables import Run
+    from paperrepro.study.rows import Run
+    from paperrepro.study.simulated import ANGLES_ONLY, Depth
 
     runs = {}
     for seed in range(1, max(options.seeds, options.coverage_seeds) + 1):
@@ -88,30 +87,3 @@ def _runs(options: argparse.Namespace) -> dict:
                 if first or seed <= options.seeds:
                     runs[Run(preset, options.profile, noise_scale, seed)] = depth
     return runs
-
-
-def simulate_one(run):
-    """A survey of the simulated farm, and what its truth tells a measurement."""
-    from data_synth import make_config, simulate
-    from data_synth.evaluation import judge_views, true_planes
-    from paperrepro.study_rows import Known
-
-    config = make_config(**asdict(run))
-    survey, truth = simulate(config)
-
-    def judge(views):
-        label = judge_views(survey, truth, views).label
-        return label, true_planes(truth, label)
-
-    return survey, Known(truth.mounting, judge, _true_noise(config), config.thinning)
-
-
-def _true_noise(config):
-    """What disturbs the simulated survey, as the Cramer-Rao bound needs it."""
-    from data_synth.navigation import ATTITUDE_SIGMA, CORRELATION_TIME, POSITION_SIGMA
-    from paperrepro.adjustment.cramer_rao import TrueNoise
-    from paperrepro.adjustment.gauss_markov import GaussMarkov
-
-    sigma = config.noise_scale * np.concatenate([POSITION_SIGMA, ATTITUDE_SIGMA])
-    process = GaussMarkov(sigma, np.full(6, CORRELATION_TIME))
-    return TrueNoise(process, config.range_offset_sigma_m)

@@ -39,11 +39,10 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from paperrepro.notebooks import declared, without_outputs
-    from paperrepro.reproduce import NOTEBOOKS
-    from paperrepro.sweep.fingerprint import Fingerprint
-    from paperrepro.sweep.grid import points, read_grid
-    from paperrepro.sweep.store import Store
+    from paperrepro.paper.reproduce import NOTEBOOKS
+    from paperrepro.study.grid import Fingerprint, points, read_grid
+    from paperrepro.study.notebooks import declared, without_outputs
+    from paperrepro.study.store import Store
 
     _refuse_what_contradicts(options)
     notebook = options.notebook or NOTEBOOKS / "08_noise_sweep_run.ipynb"
@@ -81,7 +80,7 @@ def _refuse_what_contradicts(options: argparse.Namespace) -> None:
 
 def _seeds(options: argparse.Namespace, known) -> int | None:
     """As asked; the default only where the notebook has a seed and the grid does not name it."""
-    from paperrepro.sweep.grid import SEED
+    from paperrepro.study.grid import SEED
 
     named = any(text.startswith(f"{SEED}=") for text in options.grid)
     return SEEDS if options.seeds is None and SEED in known and not named else options.seeds
@@ -115,7 +114,7 @@ def _announce(runs, waiting, store) -> None:
 
 def _drive(options: argparse.Namespace, waiting, text: str, fingerprint, store):
     """Make the runs that are ``waiting``; Ctrl-C at any time ends it with what is done."""
-    from paperrepro.sweep.drive import Progress, check_workers, cluster, drive
+    from paperrepro.study.workers import Progress, check_workers, cluster, drive
 
     if not waiting:
         return Progress()
@@ -148,7 +147,7 @@ def _print_failures(store, runs, progress) -> None:
 
 def _draw(rows, folder: Path) -> None:
     from paperrepro import figures
-    from paperrepro.figures import sweep as draw
+    from paperrepro.figures import study as draw
 
     figures.use_style()
     for name, figure, data in draw.pictures(rows):

@@ -1,13 +1,18 @@
-"""Roofs found in one strip: filtering, faces, virtual points."""
+"""Roofs found in one strip: filtering, faces, virtual points.
+
+Virtual points and matches (Fig. 4).
+"""
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from paperrepro.figures import GROUND, thinned
-from paperrepro.segmentation.roofs import Roofs
+from paperrepro.figures import GROUND, SCENARIO_COLOURS, thinned
+from paperrepro.method.roofs import Gable, Roofs
 
 #: Steps that a point can fall out at, in the order of drawing: colour, size
 #: and words.
@@ -91,4 +96,105 @@ def normal_errors(ax: Axes, table: pd.DataFrame) -> Axes:
     ax.figure.colorbar(dots, ax=ax, label="distance from the track (m)")
     ax.set(xscale="log", yscale="log")
     ax.set(xlabel="points on the face", ylabel="error of the normal (°)")
+    return ax
+
+
+LEFT, RIGHT = "#0072b2", "#e69f00"
+
+
+def gable_in_perspective(ax, p_m: np.ndarray, roofs: Roofs, gable: Gable) -> Axes:
+    """Fig. 4a on measured points p_m (N, 3): faces, centroids, ridge, virtual point. 3-D axes."""
+    for face, colour in ((gable.left, LEFT), (gable.right, RIGHT)):
+        ax.scatter(*p_m[thinned(roofs.faces[face].points)].T, s=1, color=colour, lw=0, alpha=0.6,
+                   depthshade=False, rasterized=True)  # fmt: skip
+    _construction(ax, roofs, gable, slice(0, 3))
+    ax.view_init(elev=30, azim=np.degrees(np.arctan2(*gable.ridge[1::-1])) + 198)
+    both = np.concatenate([roofs.faces[face].points for face in (gable.left, gable.right)])
+    ax.set_box_aspect(np.ptp(p_m[both], axis=0), zoom=1.2)
+    ax.set(xlabel="east (m)", ylabel="north (m)", zlabel="up (m)")
+    ax.locator_params(nbins=4)
+    low, high = np.percentile(p_m[both, 2], [1, 99])
+    ax.set_zticks(np.unique(np.round([low, high])))
+    ax.grid(False)
+    ax.tick_params(pad=-2)
+    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+        axis.labelpad = -4
+    return ax
+
+
+def gable_from_above(ax: Axes, p_m: np.ndarray, roofs: Roofs, gable: Gable) -> Axes:
+    """Fig. 4b on measured points p_m (N, 3)."""
+    names = {gable.left: (LEFT, "left face"), gable.right: (RIGHT, "right face")}
+    for face, (colour, words) in names.items():
+        shown = p_m[thinned(roofs.faces[face].points), :2]
+        ax.scatter(*shown.T, s=2, color=colour, lw=0, alpha=0.6, rasterized=True)
+        ax.plot([], [], "o", color=colour, label=words)
+    _construction(ax, roofs, gable, slice(0, 2))
+    ax.set_aspect("equal")
+    ax.set(xlabel="east (m)", ylabel="north (m)")
+    handles, labels = ax.get_legend_handles_labels()
+    ax.figure.legend(handles, labels, loc="outside lower center", ncols=5)
+    return ax
+
+
+def _construction(ax, roofs: Roofs, gable: Gable, columns: slice) -> None:
+    """Centroids, the segment between them, the ridge and where they cross."""
+    centroids = np.array([roofs.faces[f].centroid for f in (gable.left, gable.right)])
+    ends = gable.virtual_point + gable.extent[:, None] * gable.ridge
+    ax.plot(*ends[:, columns].T, color="black", lw=1.4, label="ridge", zorder=5)
+    ax.plot(*centroids[:, columns].T, color="black", lw=1, ls=":", zorder=5)
+    ax.plot(*centroids[:, columns].T, "o", ms=5, mfc="white", mec="black", ls="", zorder=6,
+            label="centroids $p_1$, $p_2$")  # fmt: skip
+    ax.plot(*gable.virtual_point[columns, None], "*", ms=10, color="#d55e00", mec="black", mew=0.5,
+            ls="", zorder=7, label="virtual point $p_A$")  # fmt: skip
+
+
+def match_matrix(ax: Axes, counts: pd.DataFrame, false: pd.DataFrame) -> Axes:
+    """Matched faces of each two strips above the diagonal, false ones among them below."""
+    shown = np.where(np.triu(np.ones(counts.shape), 1) > 0, counts, np.nan)
+    ax.imshow(shown, cmap="Blues", vmin=0, vmax=1.4 * max(counts.to_numpy().max(), 1))
+    for i, j in np.ndindex(counts.shape):
+        if i != j:
+            value, colour = (counts.iat[i, j], "black") if j > i else (false.iat[i, j], "#b3003c")
+            ax.text(j, i, f"{value}", ha="center", va="center", color=colour, fontsize=7.5)
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_ticks(range(len(counts)), counts.index)
+    ax.tick_params(length=0, labeltop=True, labelbottom=False)
+    ax.spines[:].set_visible(False)
+    ax.set_title("black: matched faces; red, below: false ones", loc="center")
+    return ax
+
+
+def pair_distances(ax: Axes, table: pd.DataFrame, limits: dict[str, tuple[float, float]]) -> Axes:
+    """``distance_m`` and ``inclination_deg`` of the pairs of each ``step``; ``limits`` are the
+    thresholds of the two."""
+    colours = dict(zip(limits, (SCENARIO_COLOURS["before"], SCENARIO_COLOURS["SL"]), strict=True))
+    for step, (distance, inclination) in limits.items():
+        rows, colour = table[table.step == step], colours[step]
+        ax.plot(rows.distance_m, rows.inclination_deg, "o", ms=2.5, mew=0, color=colour, label=step)
+        ax.plot([1e-4, distance, distance], [inclination, inclination, 1e-4], color=colour,
+                lw=0.8, ls=(0, (4, 2)))  # fmt: skip
+    ax.set(xscale="log", yscale="log")
+    ax.set_xlim(0.7 * table.distance_m.min(), 1.4 * max(d for d, _ in limits.values()))
+    ax.set_ylim(0.7 * table.inclination_deg.min(), 1.4 * max(i for _, i in limits.values()))
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_formatter("{x:g}")
+    ax.set(xlabel="distance of the gables (m)", ylabel="inclination of the normals (°)")
+    ax.legend()
+    return ax
+
+
+def tie_planes(ax: Axes, corners: list[np.ndarray], views: np.ndarray) -> Axes:
+    """Faces (4, 3) from above, coloured and numbered by how many strips see them."""
+    norm = BoundaryNorm(np.arange(1.5, 9.0), 256)
+    faces = PolyCollection([c[:, :2] for c in corners], array=views, cmap="cividis", norm=norm,
+                           edgecolors="black", lw=0.5)  # fmt: skip
+    ax.add_collection(faces)
+    for corner, count in zip(corners, views, strict=True):
+        ax.text(*corner[:, :2].mean(axis=0), str(count), ha="center", va="center", fontsize=6.5,
+                color="white" if count < 5 else "black")  # fmt: skip
+    ax.autoscale_view()
+    ax.set_aspect("equal")
+    ax.figure.colorbar(faces, ax=ax, label="strips", ticks=range(2, 9), shrink=0.7)
+    ax.set(xlabel="east (m)", ylabel="north (m)")
     return ax

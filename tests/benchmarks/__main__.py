@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 import psutil
 
-from paperrepro.figures import benchmarks, save, use_style
+from paperrepro.figures import save, study, use_style
 from tests.benchmarks import commands, stages, whole
 from tests.benchmarks.clock import Row
 from tests.benchmarks.inputs import EVERY, Inputs
@@ -107,7 +107,7 @@ def main() -> None:
     print(verdicts.to_string(index=False, float_format=lambda v: f"{v:.4g}"))
     if chosen.out is not None:
         use_style()
-        save(benchmarks.time_against_points(rows), chosen.out, "benchmarks", rows)
+        save(study.time_against_points(rows), chosen.out, "benchmarks", rows)
         verdicts.to_csv(chosen.out / "benchmarks_targets.csv", index=False, float_format="%.6g")
 
 

@@ -7,10 +7,10 @@ import numpy as np
 
 from data_synth import simulate
 from data_synth.presets import SimulationConfig
-from paperrepro.georeference import georeference
-from paperrepro.pipeline import Candidates, RoofSurvey, find_candidates, find_roofs
-from paperrepro.segmentation.ground import progressive_morphological_filter
-from paperrepro.segmentation.outliers import statistical_outliers
+from paperrepro.method.coarse_to_fine import Candidates, RoofSurvey, find_candidates, find_roofs
+from paperrepro.method.georeference import georeference
+from paperrepro.method.ground import progressive_morphological_filter
+from paperrepro.method.outliers import statistical_outliers
 from paperrepro.survey import Rays, Survey
 
 #: One in so many firing sequences: the paper's density, a quarter and a sixteenth of it.

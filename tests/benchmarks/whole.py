@@ -1,5 +1,6 @@
 """The whole method on one survey, in a process of its own, so that its memory is its own:
-``python -m tests.benchmarks.whole EVERY`` prints JSON."""
+``python -m tests.benchmarks.whole EVERY`` prints JSON.
+"""
 
 import json
 import os
@@ -9,8 +10,8 @@ import sys
 import tempfile
 import time
 
-from paperrepro.adjustment.calibration import SCENARIO_NAMES
-from paperrepro.pipeline import calibrate_all, find_candidates, find_roofs, refine_all
+from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES
+from paperrepro.method.coarse_to_fine import calibrate_all, find_candidates, find_roofs, refine_all
 from tests.benchmarks.inputs import Inputs
 
 

@@ -17,7 +17,7 @@ from data_synth.flight import (
 )
 from data_synth.motion import GUST_RMS, RECORD_STEP, VIBRATION_RMS, draw_disturbance
 from paperrepro.errors import BadInput
-from paperrepro.published import TABLE1
+from paperrepro.paper.published import TABLE1
 
 LINES = {line.name: line for line in flight_plan()}
 

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from data_synth import ObjectClass
 from data_synth.recording import DUST_SHARE
 from data_synth.sensors import azimuth_at
-from paperrepro.georeference import georeference
+from paperrepro.method.georeference import georeference
 from paperrepro.survey import Rays
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from data_synth import make_config, simulate
-from paperrepro import kernels
+from paperrepro import _compiled
 
 
 def same_strips(a, b) -> bool:
@@ -28,7 +28,7 @@ def same_faces(a, b) -> bool:
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_same_seed_same_bits_on_any_number_of_threads(noisy, threads, monkeypatch):
-    monkeypatch.setattr(kernels, "threads", lambda: threads)
+    monkeypatch.setattr(_compiled, "threads", lambda: threads)
     survey, truth = simulate(make_config())
     assert same_strips(survey, noisy[0])
     assert same_faces(truth, noisy[1])

@@ -4,8 +4,8 @@ import pytest
 
 from data_synth import make_config, simulate
 from data_synth.evaluation import judge_views
-from paperrepro.cache import cached
-from paperrepro.pipeline import find_candidates, find_roofs
+from paperrepro._cache import cached
+from paperrepro.method.coarse_to_fine import find_candidates, find_roofs
 
 
 class Flown:

@@ -111,7 +111,7 @@ def test_strips_are_not_overwritten(folder, capfd):
 
 
 def test_too_few_planes_is_exit_one(folder, tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr("paperrepro.patch_survey.MOST_PLANES", 2)
+    monkeypatch.setattr("paperrepro.method.coarse_to_fine.MOST_PLANES", 2)
     assert calibrate(folder, tmp_path / "out", "--planes", "any") == 1
     assert "at least 4" in capfd.readouterr().err
     assert list(tmp_path.iterdir()) == []

@@ -6,11 +6,11 @@ import laspy
 import numpy as np
 import pytest
 
-from paperrepro.adjustment.calibration import calibrate
 from paperrepro.cli import main
-from paperrepro.io.flight import read_flight
-from paperrepro.io.geodesy import LocalFrame
-from paperrepro.pipeline import find_candidates, find_roofs
+from paperrepro.flight.geodesy import LocalFrame
+from paperrepro.flight.read import read_flight
+from paperrepro.method.adjustment.calibrate import calibrate
+from paperrepro.method.coarse_to_fine import find_candidates, find_roofs
 
 NAMES = [f"F{k}.laz" for k in range(1, 9)] + ["mission.sbet", "mounting.toml", "truth.json"]
 
@@ -26,7 +26,7 @@ def boresight_of(folder):
         sorted(folder.glob("*.laz")), folder / "mission.sbet", folder / "mounting.toml"
     )
     found = find_roofs(flight.survey, find_candidates(flight.survey))
-    return np.degrees(calibrate(flight.survey, found.matched, "SL").boresight), flight
+    return np.degrees(calibrate(flight.survey, found.tie_planes, "SL").boresight), flight
 
 
 @pytest.mark.slow

@@ -1,0 +1,145 @@
+"""Expensive stages kept on disk, keyed by their arguments and by the code that makes them.
+
+Files lie in the user's cache folder, or in ``PAPERREPRO_CACHE``. A lock per entry lets two
+processes ask at once: one computes, the other waits. An entry is written whole or not at all.
+"""
+
+import ast
+import functools
+import importlib.util
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import joblib
+from filelock import FileLock
+
+from paperrepro import API
+
+PACKAGES = ("paperrepro", "data_synth")
+#: Names that the lazy door of the package offers, in full, and their modules.
+_API = {f"paperrepro.{name}": module for name, module in API.items()}
+#: Entries not read for so long are removed when a new one is written.
+KEPT_SECONDS = 14 * 24 * 3600
+_KEY = "_cache_key"
+
+
+def cache_folder() -> Path:
+    """Where entries are kept."""
+    base = os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))
+    return Path(os.environ.get("PAPERREPRO_CACHE", Path(base) / "paperrepro"))
+
+
+def cached(function: Callable, *args: Any, **kwargs: Any) -> Any:
+    """``function(*args, **kwargs)``, computed once.
+
+    The key is the function, its arguments, and the source of every module it reaches by imports. An
+    argument that itself came out of the cache stands for its key, so a survey of gigabytes is not
+    read to be recognised. Arrays come back memory-mapped, copy on write.
+    """
+    identity = [_identity(value) for value in args]
+    named = {name: _identity(value) for name, value in sorted(kwargs.items())}
+    key = joblib.hash((function.__qualname__, code_version(function.__module__), identity, named))
+    path = cache_folder() / function.__name__ / f"{key}.joblib"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with FileLock(path.with_suffix(".lock")):
+        if not path.exists():
+            _store(function(*args, **kwargs), path)
+        path.touch()
+        value = joblib.load(path, mmap_mode="c")
+    return _mark(value, key)
+
+
+def _identity(value: Any) -> Any:
+    return getattr(value, _KEY, value)
+
+
+def _mark(value: Any, key: str) -> Any:
+    """Note on the object, or on each part of a tuple, which entry it is."""
+    parts = enumerate(value) if isinstance(value, tuple) else [("", value)]
+    for number, part in parts:
+        if hasattr(part, "__dict__"):
+            object.__setattr__(part, _KEY, f"{key}{number}")
+    return value
+
+
+def _store(value: Any, path: Path) -> None:
+    part = path.with_suffix(f".{os.getpid()}.part")
+    try:
+        joblib.dump(value, part)
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+    for old in path.parent.glob("*.joblib"):
+        if time.time() - old.stat().st_mtime > KEPT_SECONDS:
+            old.unlink(missing_ok=True)
+
+
+@functools.cache
+def code_version(module: str) -> str:
+    """Hash of the sources of ``module`` and of all modules of ours that it imports, directly or
+    not.
+    """
+    return _version_of([module])
+
+
+def code_version_of(source: str) -> str:
+    """The same of all modules of ours that ``source``, a text of Python, imports. Always read
+    anew."""
+    return _version_of(_imports(source.encode()))
+
+
+def _version_of(modules: Iterable[str]) -> str:
+    sources, waiting = {}, list(modules)
+    while waiting:
+        name = waiting.pop()
+        spec = importlib.util.find_spec(name)
+        if name in sources or spec is None or not spec.origin:
+            continue
+        sources[name] = Path(spec.origin).read_bytes()
+        waiting += list(_imports(sources[name]))
+    return joblib.hash(sorted(sources.items()))
+
+
+def _imports(source: bytes) -> Iterator[str]:
+    """Names of our modules that a source imports, also through the lazy names of `paperrepro`:
+    ``pr.calibrate`` is its module of `paperrepro.API`, ``pr.method.ground`` that module."""
+    tree, named = ast.parse(source), {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield from _modules(alias.name)
+                top = alias.name.split(".")[0]
+                named[alias.asname or top] = alias.name if alias.asname else top
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            for alias in node.names:
+                yield from _modules(f"{node.module}.{alias.name}")
+                named[alias.asname or alias.name] = f"{node.module}.{alias.name}"
+    for node in ast.walk(tree):
+        first, _, rest = _dotted(node).partition(".")
+        if first in named:
+            yield from _modules(f"{named[first]}.{rest}")
+
+
+def _dotted(node: ast.AST) -> str:
+    """``a.b.c`` as text; empty for all else."""
+    if isinstance(node, ast.Attribute) and (before := _dotted(node.value)):
+        return f"{before}.{node.attr}"
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def _modules(name: str) -> Iterator[str]:
+    """The module of ours that holds ``name``, a module itself or something of one."""
+    if name.split(".")[0] in PACKAGES:
+        while name not in _API and not _is_module(name):
+            name = name.rpartition(".")[0]
+        yield _API.get(name, name)
+
+
+def _is_module(name: str) -> bool:
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False

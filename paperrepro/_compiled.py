@@ -1,0 +1,107 @@
+"""Compiled kernels: on disk, kept apart by the sources of all of them, and on all cores.
+
+numba compiles a kernel anew when its own file has changed, but not when the kernel calls one of
+another file and that has: a corrected sign in the LiDAR equation would never reach the compiled
+adjustment. So the folder of compiled kernels is named after every source that holds one.
+
+Sine and cosine of angles that differ little from one ray to the next.
+
+Attitude, and the scanner's azimuth within a firing sequence, turn by far less than a degree from
+ray to ray. The sine and cosine of the ray before, turned by a short series, cost less than new ones
+and are as exact.
+"""
+
+import functools
+import hashlib
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numba
+import numpy as np
+
+#: Tasks that a call is cut into at most, whatever the number of threads: what a task starts from
+#: is then the same on every machine, to the last bit.
+TASKS = 16
+#: Fewer points are not worth a task.
+POINTS = 4096
+
+
+def source_key(package: Path) -> str:
+    """Hash of all sources in ``package`` that mention numba."""
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        source = path.read_bytes()
+        if b"numba" in source:
+            digest.update(path.relative_to(package).as_posix().encode())
+            digest.update(source)
+    return digest.hexdigest()[:16]
+
+
+def keep_apart() -> None:
+    """Name numba's folder; to be called before the first kernel is defined."""
+    package = Path(__file__).parent
+    base = Path(numba.config.CACHE_DIR or package / "__pycache__")
+    numba.config.CACHE_DIR = str(base / f"kernels-{source_key(package)}")
+
+
+keep_apart()
+
+
+def threads() -> int:
+    """Of this process: ``NUMBA_NUM_THREADS``, by default one a core."""
+    return numba.config.NUMBA_NUM_THREADS
+
+
+def over_threads(kernel: Callable, count: int, *arguments, least: int = POINTS) -> None:
+    """``kernel(first, last, *arguments)`` over ``count`` items, at least ``least`` a task.
+
+    ``kernel`` is compiled with ``nogil``, and no item's result depends on another's. Compiling such
+    a loop takes a fraction of what numba's own parallel loops take.
+    """
+    step = max(least, -(-count // TASKS))
+    tasks = [(first, min(first + step, count)) for first in range(0, count, step)]
+    if threads() == 1 or len(tasks) == 1:
+        for first, last in tasks:
+            kernel(first, last, *arguments)
+    else:
+        for _ in _pool(os.getpid()).map(lambda task: kernel(*task, *arguments), tasks):
+            pass
+
+
+@functools.cache
+def _pool(process: int) -> ThreadPoolExecutor:
+    """Threads do not survive a fork, so each process has its own."""
+    return ThreadPoolExecutor(threads())
+
+
+#: Turns up to here, rad, go by the series of `turned`: the first term left out is 1e-18.
+SERIES = 0.02
+#: Rows of what is known of a ray's angles. NumPy's integers: for each plain one, a literal, numba
+#: would compile `sines_near` anew.
+ROLL, PITCH, HEADING, AZIMUTH, ELEVATION = np.arange(5)
+
+
+@numba.njit(cache=True)
+def turned(sine, cosine, by):
+    """Sine and cosine of an angle enlarged by ``by``, rad."""
+    if abs(by) > SERIES:
+        s, c = np.sin(by), np.cos(by)
+    else:
+        q = by * by
+        s = by * (1.0 - q / 6.0 * (1.0 - q / 20.0 * (1.0 - q / 42.0)))
+        c = 1.0 - q / 2.0 * (1.0 - q / 12.0 * (1.0 - q / 30.0))
+    return sine * c + cosine * s, cosine * c - sine * s
+
+
+@numba.njit(cache=True)
+def sines_near(angle, known, k):
+    """Sine and cosine of ``angle``, rad, from those of one before, row ``k`` of ``known`` (K, 3):
+    angle, sine, cosine. The row is renewed where it is too far away, and to begin with holds
+    NaN."""
+    by = angle - known[k, 0]
+    if abs(by) <= SERIES:
+        return turned(known[k, 1], known[k, 2], by)
+    known[k, 0], known[k, 1], known[k, 2] = angle, np.sin(angle), np.cos(angle)
+    return known[k, 1], known[k, 2]

@@ -1,1 +1,0 @@
-"""Gauss-Helmert adjustments: SL, A, B, C and the refinement."""

@@ -1,0 +1,225 @@
+"""`mounting.toml`: how the scanner sits in the body, and what scanner and GNSS/INS are.
+
+[nominal]
+rotation = [[0, 0, 1], [0, -1, 0], [1, 0, 0]]  # l to b: rows are body forward, right, down
+lever_arm_m = [0.10, -0.02, 0.15]              # GNSS/INS to laser, b-frame
+
+[scanner]                                      # optional; VLP-16 Hi-Res without
+name = "VLP-16 Hi-Res"
+range_sigma_m = 0.02
+angle_sigma_deg = 0.01
+range_offset_sigma_m = 0.03
+beam_elevations_deg = [-10.0, ...]
+
+[navigation]                                   # optional; APX-15 UAV without
+name = "APX-15 UAV"
+position_sigma_m = [0.02, 0.02, 0.04]          # east, north, up; or one number
+attitude_sigma_deg = [0.025, 0.025, 0.08]      # roll, pitch, heading
+correlation_time_s = 30.0
+
+Beam tables of common scanners by name, and the specifications taken where a file names none.
+
+Elevations in degrees, ascending, from the makers' manuals: Velodyne VLP-16 63-9243 (VLP-16 and
+Puck Hi-Res), HDL-32E 63-9113, VLP-32C 63-9325; Hesai and Ouster units differ from one to the next,
+so their tables belong into `mounting.toml`.
+"""
+
+import tomllib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from paperrepro.errors import BadInput
+from paperrepro.frames import require_rotation
+from paperrepro.survey import Mounting, Navigation, Scanner
+
+#: A rotation typed with few digits is brought to the nearest exact one, up to this misfit.
+ROUNDED = 2e-3
+KNOWN = {
+    "nominal": {"rotation", "lever_arm_m"},
+    "scanner": {"name", "range_sigma_m", "angle_sigma_deg", "range_offset_sigma_m",
+                "beam_elevations_deg"},
+    "navigation": {"name", "position_sigma_m", "attitude_sigma_deg", "correlation_time_s"},
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class MountingFile:
+    """What `mounting.toml` says. ``beams_given``: it names the beams, by table or by a scanner's
+    name, so that data which do not fit are wrong; else the data may tell another known scanner.
+    ``notes``: what was assumed."""
+
+    mounting: Mounting
+    scanner: Scanner
+    navigation: Navigation
+    beams_given: bool
+    notes: tuple[str, ...]
+
+
+def read_mounting(path: Path) -> MountingFile:
+    """Read and check the file. Raises `BadInput` that names file, entry and remedy."""
+    path, notes = Path(path), []
+    tables = _load(path)
+    nominal = tables.get("nominal")
+    if not isinstance(nominal, dict):
+        raise BadInput(
+            f"{path}: expected a table [nominal] with rotation and lever_arm_m, found "
+            f"{', '.join(tables) or 'nothing'}; add it"
+        )
+    mounting = Mounting(
+        _rotation(nominal, f"{path} [nominal] rotation", notes),
+        _numbers(nominal, "lever_arm_m", 3, f"{path} [nominal]"),
+    )
+    scanner, beams_given = _scanner(tables.get("scanner", {}), f"{path} [scanner]", notes)
+    navigation = _navigation(tables.get("navigation", {}), f"{path} [navigation]", notes)
+    notes += _unknown(tables, path)
+    return MountingFile(mounting, scanner, navigation, beams_given, tuple(notes))
+
+
+def _load(path: Path) -> dict:
+    if not path.is_file():
+        raise BadInput(f"{path}: no such file; give the mounting of this scanner (mounting.toml)")
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise BadInput(f"{path}: expected TOML text, {error}; correct the file") from error
+
+
+def _numbers(table: dict, key: str, count: int, where: str) -> np.ndarray:
+    values = table.get(key)
+    try:
+        numbers = np.array(values, float)
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        raise BadInput(
+            f"{where}: expected {key} of {count} finite numbers, got {values!r}; give it"
+        )
+    return numbers
+
+
+def _rotation(nominal: dict, where: str, notes: list[str]) -> np.ndarray:
+    try:
+        given = np.array(nominal.get("rotation"), float)
+    except (TypeError, ValueError):
+        given = np.empty(0)
+    given = given.reshape(3, 3) if given.shape == (9,) else given
+    if given.shape != (3, 3) or not np.isfinite(given).all():
+        return require_rotation(given, where)
+    left, stretch, right = np.linalg.svd(given)
+    if np.linalg.det(given) < 0 or np.abs(stretch - 1).max() > ROUNDED:
+        return require_rotation(given, where)
+    if np.abs(stretch - 1).max() > 1e-9:
+        notes.append(
+            f"{where}: rows miss orthonormality by {np.abs(stretch - 1).max():.1e}; "
+            "the nearest exact rotation is used"
+        )
+    return left @ right
+
+
+def _positive(table: dict, key: str, default: float, where: str) -> float:
+    value = table.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < np.inf:
+        raise BadInput(f"{where}: expected {key} as a number above 0, got {value!r}; give it")
+    return float(value)
+
+
+def _scanner(table: dict, where: str, notes: list[str]) -> tuple[Scanner, bool]:
+    name = str(table.get("name", DEFAULT))
+    beams, given = beams_named(name), "name" in table
+    if "beam_elevations_deg" in table:
+        values, given = table["beam_elevations_deg"], True
+        count = len(values) if isinstance(values, list) else 0
+        beams = _numbers(table, "beam_elevations_deg", max(count, 2), where)
+        if np.abs(beams).max() > 90 or (np.diff(np.sort(beams)) <= 0).any():
+            raise BadInput(
+                f"{where}: expected beam_elevations_deg within 90 deg and no two alike, got "
+                f"{beams.min():g} to {beams.max():g}; give the maker's table in degrees"
+            )
+    if beams is None:
+        beams, given = BEAMS_DEG[DEFAULT], False
+        notes.append(
+            f"{where}: the beams of {name!r} are not known here; those of {DEFAULT} are "
+            "tried unless the points fit another known scanner; give beam_elevations_deg"
+        )
+    scanner = replace(
+        scanner_of(name, beams),
+        range_sigma=_positive(table, "range_sigma_m", RANGE_SIGMA, where),
+        angle_sigma=np.radians(_positive(table, "angle_sigma_deg", np.degrees(ANGLE_SIGMA), where)),
+        range_offset_sigma=_positive(table, "range_offset_sigma_m", RANGE_OFFSET_SIGMA, where),
+    )
+    return scanner, given
+
+
+def _navigation(table: dict, where: str, notes: list[str]) -> Navigation:
+    default = apx15()
+    if not table:
+        notes.append(f"{where}: not given; {default.name} by its data sheet is assumed")
+    return Navigation(
+        str(table.get("name", default.name)),
+        _sigmas(table, "position_sigma_m", default.position_sigma, where),
+        np.radians(_sigmas(table, "attitude_sigma_deg", np.degrees(default.attitude_sigma), where)),
+        _positive(table, "correlation_time_s", default.correlation_time, where),
+    )
+
+
+def _sigmas(table: dict, key: str, default: np.ndarray, where: str) -> np.ndarray:
+    """Three sigmas; one number stands for all three."""
+    if isinstance(table.get(key), int | float):
+        table = {key: [table[key]] * 3}
+    sigmas = _numbers({key: list(default), **table}, key, 3, where)
+    if (sigmas < 0).any():
+        raise BadInput(f"{where}: expected {key} not below 0, got {sigmas.tolist()}; correct it")
+    return sigmas
+
+
+def _unknown(tables: dict, path: Path) -> list[str]:
+    """A word on each entry that nothing reads."""
+    return [
+        f"{path} [{name}] {key}: not known, not used; known are {', '.join(sorted(known))}"
+        for name, known in KNOWN.items()
+        for key in tables.get(name, {})
+        if key not in known
+    ]
+
+
+DEFAULT = "VLP-16 Hi-Res"
+BEAMS_DEG = {
+    "VLP-16 Hi-Res": np.linspace(-10.0, 10.0, 16),
+    "VLP-16": np.linspace(-15.0, 15.0, 16),
+    "HDL-32E": -92.0 / 3.0 + 4.0 / 3.0 * np.arange(32),
+}
+#: Other ways to write the names, reduced by `_plain`.
+ALIASES = {"vlp16puckhires": "vlp16hires", "puckhires": "vlp16hires", "pucklite": "vlp16",
+           "puck": "vlp16", "vlp16puck": "vlp16", "vlp16pucklite": "vlp16", "hdl32": "hdl32e",
+           "velodynehdl32e": "hdl32e", "velodynevlp16": "vlp16",
+           "velodynevlp16hires": "vlp16hires"}  # fmt: skip
+
+#: Range and angle noise, and how well a beam's zero is known, one sigma: m, rad, m.
+RANGE_SIGMA, ANGLE_SIGMA, RANGE_OFFSET_SIGMA = 0.02, float(np.radians(0.01)), 0.03
+
+
+def _plain(name: str) -> str:
+    plain = "".join(c for c in name.lower() if c.isalnum())
+    return ALIASES.get(plain, plain)
+
+
+def beams_named(name: str) -> np.ndarray | None:
+    """Elevations (rings,) deg of a scanner by its name, or None where it is not known."""
+    return next(
+        (beams for known, beams in BEAMS_DEG.items() if _plain(known) == _plain(name)), None
+    )
+
+
+def scanner_of(name: str, beams_deg: np.ndarray) -> Scanner:
+    """A `Scanner` with the default noise."""
+    elevations = np.sort(np.radians(beams_deg))
+    return Scanner(name, elevations, RANGE_SIGMA, ANGLE_SIGMA, RANGE_OFFSET_SIGMA)
+
+
+def apx15() -> Navigation:
+    """The APX-15 UAV, post-processed, by its data sheet: 2-5 cm, 0.025 deg, 0.08 deg."""
+    return Navigation(
+        "APX-15 UAV", np.array([0.02, 0.02, 0.04]), np.radians([0.025, 0.025, 0.08]), 30.0
+    )

@@ -1,0 +1,232 @@
+"""A text table of points with poses (CSV): the paper's record.
+
+Columns by name, in any order: x, y, z on the map; latitude, longitude, elevation (ellipsoidal
+height of the sensor); roll, pitch, heading. The ring from ``ring`` (or the ring dimension named),
+or from ``vertical_angle`` in degrees, or radians if its name or its size say so. ``gps_time`` or
+``time`` where there is one.
+
+A pose per point, in columns of its own, where there is no trajectory file.
+
+The paper's record is such a one: x, y, z, intensity, range, vertical and horizontal angle,
+latitude, longitude, elevation, roll, pitch, heading. Columns are known by their names, without
+prefixes such as ``Sensor``; units by a suffix such as ``Rads``. What the
+heading counts from, the rays tell (`READINGS`), and the unit where no suffix does.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from paperrepro.errors import BadInput, EmptyStrip
+from paperrepro.flight.geodesy import Grid, LocalFrame
+from paperrepro.flight.las import CHUNK, SAMPLE, Records
+
+SUFFIXES = (".csv", ".txt")
+RINGS = ("ring", "laser_id", "laserid", "user_data", "beam", "channel")
+ANGLES = ("vertical_angle", "vertical_angle_deg", "verticalangle", "vertical", "vertical_angle_rad")
+TIMES = ("gps_time", "gpstime", "time")
+#: Without a time, rows are taken as pulses of the paper's scanner, 1/s.
+PULSES = 300_000.0
+
+
+@dataclass(frozen=True)
+class TableFile:
+    """A table whose head was checked; as `las.StripFile`."""
+
+    path: Path
+    grid: Grid
+    ring: str
+    time: str | None
+    count: int
+    low: np.ndarray
+    high: np.ndarray
+    columns: tuple[str, ...]
+    scale: float = 1e-3
+
+    def chunks(self, size: int = CHUNK) -> Iterator[pd.DataFrame]:
+        """All rows in order."""
+        yield from _chunks(self.path, size)
+
+    def sample(self) -> Iterator[pd.DataFrame]:
+        """Some `SAMPLE` rows, evenly spread."""
+        every = max(1, self.count // SAMPLE)
+        for chunk in self.chunks():
+            yield chunk[chunk.index % every == 0]
+
+    @staticmethod
+    def usable(chunk: pd.DataFrame) -> pd.DataFrame:
+        """All rows: a table marks none as noise."""
+        return chunk
+
+    def decoded(self, chunk: pd.DataFrame) -> Records:
+        """The columns that matter of ``chunk``."""
+        ring = chunk[self.ring].to_numpy(float)
+        if self.ring in ANGLES:  # hundredths of a degree from straight down name a beam
+            in_radians = self.ring.endswith("rad") or np.abs(ring).max() < 0.8
+            ring = np.round(100 * (90 + (np.degrees(ring) if in_radians else ring)))
+        time = chunk.index.to_numpy() / PULSES if self.time is None else chunk[self.time].to_numpy()
+        xyz = chunk[["x", "y", "z"]].to_numpy(float)
+        return Records(time.astype(float), ring.astype(np.int64), xyz, chunk)
+
+
+def open_table(path: Path, crs: str | None, ring_dimension: str = "user_data") -> TableFile:
+    """Check a table's columns and numbers. Raises `BadInput`, `EmptyStrip`."""
+    path = Path(path)
+    if not path.is_file():
+        raise BadInput(f"{path}: no such file; give the strips as LAS, LAZ or CSV")
+    if crs is None:
+        raise BadInput(f"{path}: a table names no reference system; name it with --crs")
+    count, low, high, names = 0, np.full(3, np.inf), np.full(3, -np.inf), ()
+    for chunk in _chunks(path, CHUNK):
+        names = tuple(chunk.columns)
+        _require_columns(names, path)
+        if chunk.empty:
+            break
+        _require_numbers(chunk, path)
+        xyz = chunk[["x", "y", "z"]].to_numpy(float)
+        low, high = np.minimum(low, xyz.min(axis=0)), np.maximum(high, xyz.max(axis=0))
+        count += len(chunk)
+    if not count:
+        raise EmptyStrip(f"{path}: expected points, the table holds none; leave it out")
+    ring = next((n for n in (ring_dimension, *RINGS, *ANGLES) if n in names), None)
+    if ring is None:
+        raise BadInput(
+            f"{path}: expected a column ring or vertical_angle, it has {', '.join(names)}; "
+            "add one, or name it with --ring-dimension"
+        )
+    time = next((name for name in TIMES if name in names), None)
+    return TableFile(path, Grid(crs, "--crs"), ring, time, count, low, high, names)
+
+
+def _chunks(path: Path, size: int) -> Iterator[pd.DataFrame]:
+    try:
+        for chunk in pd.read_csv(path, chunksize=size, skipinitialspace=True):
+            chunk.columns = [str(name).strip().lower().replace(" ", "_") for name in chunk.columns]
+            yield chunk
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        raise BadInput(f"{path}: expected a table with a head line, {error}; export it") from error
+
+
+def _require_columns(names: tuple[str, ...], path: Path) -> None:
+    missing = [name for name in "xyz" if name not in names]
+    if missing:
+        raise BadInput(
+            f"{path}: expected columns x, y, z in the head line, {', '.join(missing)} missing of "
+            f"{', '.join(names)}; name them so"
+        )
+
+
+def _require_numbers(chunk: pd.DataFrame, path: Path) -> None:
+    for name in chunk.columns:
+        values = pd.to_numeric(chunk[name], errors="coerce").to_numpy(float)
+        if not np.isfinite(values).all():
+            row = int(chunk.index[np.flatnonzero(~np.isfinite(values))[0]])
+            raise BadInput(f"{path}: column {name}, row {row + 1}: expected a number; correct it")
+
+
+PREFIXES = ("sensor", "scanner", "platform", "imu", "ins", "pose")
+DEGREE = np.pi / 180
+ANGLE_SUFFIXES = {"rads": 1.0, "rad": 1.0, "radians": 1.0, "degs": DEGREE, "deg": DEGREE,
+            "degrees": DEGREE}  # fmt: skip
+ON_THE_MAP = (("x",), ("y",), ("z",))
+GEODETIC = (
+    ("latitude", "lat"),
+    ("longitude", "lon", "lng"),
+    ("elevation", "height", "altitude", "ellipsoidalheight", "h"),
+)
+ATTITUDE = (("roll",), ("pitch",), ("heading", "yaw"))
+#: How an attitude may be written, in words and as signs of heading and pitch, its start rad, and
+#: whether it refers to the map's grid north. The first is an SBET's.
+READINGS = {
+    "": (1.0, 0.0, 1.0, False),
+    "clockwise from grid north": (1.0, 0.0, 1.0, True),
+    "counter-clockwise from east, the pitch as nose down": (-1.0, np.pi / 2, -1.0, False),
+    "counter-clockwise from the grid's east, the pitch as nose down": (-1, np.pi / 2, -1.0, True),
+    "clockwise from north, the pitch as nose down": (1.0, 0.0, -1.0, False),
+    "clockwise from grid north, the pitch as nose down": (1.0, 0.0, -1.0, True),
+}
+
+
+@dataclass(frozen=True)
+class PoseColumns:
+    """Names of the columns: ``position`` (3), on the map or ``geodetic``, and ``attitude`` (3);
+    ``units``, in rad, that the attitude may be in: one where the names tell, else both."""
+
+    position: tuple[str, str, str]
+    geodetic: bool
+    attitude: tuple[str, str, str]
+    units: tuple[float, ...]
+
+    def read(self, record, grid: Grid):
+        """Latitude, longitude rad, height m (N,) and attitude (N, 3) as written."""
+        values = np.column_stack([np.asarray(record[name], float) for name in self.position])
+        attitude = np.column_stack([np.asarray(record[name], float) for name in self.attitude])
+        if not self.geodetic:
+            return (*grid.to_geodetic(values), attitude)
+        latitude, longitude, height = values.T
+        degrees = max(np.abs(latitude).max() / (np.pi / 2), np.abs(longitude).max() / np.pi) > 1
+        unit = DEGREE if degrees else 1.0
+        return latitude * unit, longitude * unit, height, attitude
+
+
+def pose_columns(names: Iterable[str]) -> PoseColumns | None:
+    """The columns that hold poses, or None where they are not all there."""
+    plain = {_plain(name): name for name in names}
+    attitude = _all_of(plain, ATTITUDE)
+    for kind in (ON_THE_MAP, GEODETIC):
+        position = _all_of(plain, kind, prefixed=kind is ON_THE_MAP)
+        if position and attitude:
+            named = [u for end, u in ANGLE_SUFFIXES.items() if _plain(attitude[0]).endswith(end)]
+            units = (named[0],) if named else (1.0, DEGREE)
+            return PoseColumns(position, kind is GEODETIC, attitude, units)
+    return None
+
+
+def _plain(name: str) -> str:
+    return "".join(c for c in name.lower() if c.isalnum())
+
+
+def _all_of(plain: dict[str, str], wanted, prefixed: bool = False) -> tuple[str, ...] | None:
+    """The column of each of ``wanted``, bare or ``prefixed`` (the points' own x, y, z are bare)."""
+    starts = PREFIXES if prefixed else ("", *PREFIXES)
+    ends = ("", *ANGLE_SUFFIXES)
+    found = [
+        next(
+            (plain[s + n + e] for n in names for s in starts for e in ends if s + n + e in plain),
+            None,
+        )
+        for names in wanted
+    ]
+    return tuple(found) if all(found) else None
+
+
+@dataclass(frozen=True)
+class PointPoses:
+    """Poses of points in the m-frame of ``frame``, their attitude read as ``reading`` of
+    `READINGS` in ``unit`` rad."""
+
+    columns: PoseColumns
+    frame: LocalFrame
+    reading: str = ""
+    unit: float = 1.0
+
+    def of(self, record, grid: Grid) -> np.ndarray:
+        """(N, 6) of the records. Raises `BadInput` for NaN."""
+        latitude, longitude, height, written = self.columns.read(record, grid)
+        if not np.isfinite(written).all() or not np.isfinite(latitude + longitude + height).all():
+            raise BadInput("poses hold NaN or infinity; drop such points")
+        turn, start, nose, of_grid = READINGS[self.reading]
+        written = written * self.unit
+        heading = start + turn * written[:, 2]
+        if of_grid:
+            heading = heading + grid.convergence(latitude, longitude)
+        attitude = np.column_stack([written[:, 0], nose * written[:, 1], heading])
+        return np.column_stack(
+            [
+                self.frame.from_geodetic(latitude, longitude, height),
+                self.frame.attitude_from_level(latitude, longitude, attitude),
+            ]
+        )

@@ -1,0 +1,204 @@
+"""Scenario D: boresight, range offsets and planes together with the trajectory's error.
+
+GNSS/INS errors last for seconds to minutes. An adjustment that takes each laser point's pose error
+as independent averages over thousands of points what in truth is one error per fly-over, and its
+sigma is too small by a factor of ten. Here the error is an unknown: a first-order Gauss-Markov
+process estimated in the same Gauss-Helmert adjustment, as in the paper's Eq. (3)-(4) otherwise.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from paperrepro.method.adjustment.conditions import face_states
+from paperrepro.method.adjustment.observability import Observability, require_determined
+from paperrepro.method.adjustment.quality import reliability
+from paperrepro.method.adjustment.result import CalibrationResult, TrajectoryErrors
+from paperrepro.method.adjustment.scenarios import calibrate
+from paperrepro.method.adjustment.trajectory_components import (
+    OF_LASER,
+    VarianceComponents,
+    estimate,
+)
+from paperrepro.method.adjustment.trajectory_equations import Clock, GaussMarkov, LeverArm
+from paperrepro.method.adjustment.trajectory_solver import (
+    Noise,
+    Solution,
+    State,
+    Step,
+    TrajectoryModel,
+    eliminate,
+    iterate,
+    prior_chi2,
+)
+from paperrepro.method.tie_planes import TiePlanes
+from paperrepro.survey import Navigation, Survey
+
+#: Seconds between nodes. Between nodes a second apart an APX-15's heading wanders by 0.01 deg,
+#: which thousands of points see. At full density, 15 000 points in such a time, nodes 0.25 s apart
+#: move the yaw by a sigma and promise 5 % too little; from 0.1 s on neither changes any more.
+NODE_SPACING = 0.1
+#: Points a face, and seconds between nodes, that show what a flight determines.
+WITNESSES, WITNESS_SPACING = 200, 0.5
+
+
+def specified_process(navigation: Navigation) -> GaussMarkov:
+    """The Gauss-Markov process that a GNSS/INS specification describes."""
+    sigma = np.concatenate([navigation.position_sigma, navigation.attitude_sigma])
+    return GaussMarkov(sigma, np.full(6, navigation.correlation_time))
+
+
+def specified_noise(navigation: Navigation) -> Noise:
+    """Errors of the trajectory as specified, surfaces flat."""
+    return Noise((specified_process(navigation),), np.zeros(6), 0.0)
+
+
+@dataclass(frozen=True)
+class FoundNoise:
+    """What the data say of the noise: variance ``components``, and ``open`` (3, 3) rad², what the
+    boresight gets of their uncertainty."""
+
+    components: VarianceComponents
+    open: np.ndarray
+
+
+def _clock_can_be_off(survey: Survey) -> bool:
+    """A point that came with its pose has no clock of its own."""
+    return survey.trajectory is not None and all(strip.pose is None for strip in survey.strips)
+
+
+def find_noise(
+    survey: Survey, tie_planes: TiePlanes, near: np.ndarray, all_components: bool = True,
+    spacing: float = WITNESS_SPACING,
+) -> FoundNoise:  # fmt: skip
+    """Variance components from ``tie_planes``, at a boresight ``near`` (3,) rad; where not
+    ``all_components``, those of laser and surfaces alone, and the others keep their priors."""
+    clock = _clock_can_be_off(survey)
+    model = TrajectoryModel.prepare(survey, tie_planes, "per_ring", spacing, clock=clock)
+    state = model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
+    free = None if all_components else OF_LASER
+    found = estimate(model, specified_process(survey.navigation), state, free)
+    return FoundNoise(found.components, found.open)
+
+
+def calibrate_with_trajectory(
+    survey: Survey,
+    tie_planes: TiePlanes,
+    range_offsets: str = "per_ring",
+    found: FoundNoise | None = None,
+    spacing: float = NODE_SPACING,
+    near: np.ndarray | None = None,
+    lever_arm: bool = False,
+) -> CalibrationResult:
+    """Scenario D, from ``near`` (3,) rad as start, or else from where SL ends.
+
+    A start degrees away would be taken for an error of the trajectory.
+
+    The prior is ``survey.navigation``'s specification, or the noise ``found`` in the data; then the
+    delay of the laser's clock is an unknown, too. ``lever_arm``: it is one, with what was given for
+    it as prior (`lever_arm.PRIOR_SIGMA`). The covariance is that of the stated (or estimated)
+    noise, not scaled by sigma0. Raises `BadInput`, `RankDefect`, `NoConvergence`.
+    """
+    clock = found is not None and _clock_can_be_off(survey)
+    model = TrajectoryModel.prepare(survey, tie_planes, range_offsets, spacing, lever_arm, clock)
+    noise = specified_noise(survey.navigation)
+    start = model.unknowns.start()
+    if near is None:
+        near = calibrate(survey, tie_planes, "SL").boresight
+    if found is not None:
+        model = found.components.apply(model)
+        noise = found.components.noise(specified_process(survey.navigation)).reduced()
+    state = model.start(np.r_[near, start[3:]], len(noise.processes))
+    solution = iterate(model, noise, state)
+    return _result(model, noise, start, solution, found)
+
+
+def lasting_sigma(survey: Survey, tie_planes: TiePlanes, boresight: np.ndarray) -> np.ndarray:
+    """Standard deviations (3,) rad of ``boresight`` under errors of the trajectory that last as
+    specified, as an adjustment that knows of them would have: from `WITNESSES` points a face."""
+    few = tie_planes.thinned(WITNESSES)
+    model = TrajectoryModel.prepare(survey, few, "per_ring", WITNESS_SPACING)
+    state = model.start(np.r_[boresight, np.zeros(model.unknowns.size - 3)])
+    noise = specified_noise(survey.navigation)
+    step = eliminate(model.normals(state, noise), model, noise, state)
+    return np.sqrt(np.diag(step.Q)[:3])
+
+
+def _result(
+    model: TrajectoryModel,
+    noise: Noise,
+    start: np.ndarray,
+    solution: Solution,
+    found: FoundNoise | None,
+) -> CalibrationResult:
+    state, step = solution.state, solution.step
+    tie_planes, unknowns = model.tie_planes, model.unknowns
+    kept, lever = unknowns.kept, unknowns.lever_at
+    observability = _observability(step.S, kept, model.pseudo_weight)
+    require_determined(observability)
+    Q = step.Q_y.copy()
+    if found is not None:
+        Q[:3, :3] += found.open
+    sigma = np.sqrt(sum(np.square(process.sigma[3:]) for process in noise.processes))
+    observability = observability.under(np.sqrt(np.diag(Q)[:3]), sigma)
+    planes, Q_planes = _planes_in_map(model, state, Q)
+    chi2 = solution.data.chi2 + prior_chi2(model, noise, state)
+    dof = len(tie_planes.rays) + np.count_nonzero(model.pseudo_weight) - len(Q) + 6
+    after = face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, state.x)
+    variance, _, of_surface = step.covariance(model)
+    return CalibrationResult(
+        scenario="D",
+        mounting=unknowns.mounting,
+        boresight=state.x[:3],
+        range_offsets=unknowns.offsets(state.x) if kept > 3 else None,
+        covariance=Q[:kept, :kept],
+        planes=planes,
+        covariance_planes=Q_planes,
+        sigma0=float(np.sqrt(chi2 / dof)),
+        dof=dof,
+        iterations=solution.iterations,
+        converged=True,
+        n_points=len(tie_planes.rays),
+        n_conditions=len(tie_planes.rays),
+        rms_before=face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, start).rms,
+        rms_after=after.rms,
+        points_per_plane=after.count,
+        observability=observability,
+        trajectory=_errors(model, state, step, variance),
+        components=None if found is None else found.components.named(),
+        lever_arm=(
+            LeverArm.of(unknowns.mounting, state.x[lever], Q[lever, lever])
+            if unknowns.lever else None
+        ),
+        clock=(
+            Clock(unknowns.clock_delay(state.x), float(np.sqrt(Q[len(state.x) - 1, len(state.x) - 1])))
+            if unknowns.clock else None
+        ),
+        reliability=reliability(model, noise, solution, of_surface),
+    )  # fmt: skip
+
+
+def _observability(S: np.ndarray, kept: int, pseudo: np.ndarray) -> Observability:
+    """Of boresight and offsets, the first ``kept`` unknowns; lever arm, clock, planes and
+    trajectory being free, but for constants; pseudo-observations of the offsets apart."""
+    S = S[:-6, :-6]
+    rest = S[kept:, kept:]
+    S_x = S[:kept, :kept] - S[:kept, kept:] @ np.linalg.solve(rest, S[kept:, :kept])
+    S_x -= np.diag(pseudo[:kept])
+    return Observability.of((S_x + S_x.T) / 2, pseudo[:kept])
+
+
+def _planes_in_map(model: TrajectoryModel, state: State, Q: np.ndarray):
+    """Planes (G, 4) with d from the m-frame's origin, and their covariances (G, 4, 4)."""
+    u, n_planes = len(state.x), len(state.planes)
+    own = u + 3 * np.arange(n_planes)[:, None] + np.arange(3)
+    to_map = np.tile(np.eye(4), (n_planes, 1, 1))
+    to_map[:, 3, :3] = model.origin
+    J = to_map @ model.bases(state.planes)
+    planes = np.einsum("gab,gb->ga", to_map, state.planes)
+    return planes, J @ Q[own[:, :, None], own[:, None, :]] @ J.transpose(0, 2, 1)
+
+
+def _errors(model: TrajectoryModel, state: State, step: Step, variance) -> TrajectoryErrors:
+    """Sigma of the changing part: the constants' goes with the boresight's."""
+    return TrajectoryErrors(model.nodes.time, state.correction, np.sqrt(variance.sum(axis=1)))

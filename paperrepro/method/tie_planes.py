@@ -1,0 +1,148 @@
+"""The adjustment's observations: matched faces, their rays, and which plane each lies on."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from paperrepro.errors import RankDefect, TooFewPlanes
+from paperrepro.survey import Rays
+
+#: Planes needed for three angles and a check; the paper asks four of the refinement, section 2.2.5.
+LEAST_PLANES = 4
+
+
+@dataclass(frozen=True)
+class Rejection:
+    """A face left out: its ``strip``, the ``plane`` it was matched to, its centroid (3,) m in the
+    m-frame, by how much it misses the plane, and the limit, m."""
+
+    strip: str
+    plane: int
+    centroid: np.ndarray
+    misfit_m: float
+    limit_m: float
+
+
+@dataclass(frozen=True)
+class TiePlanes:
+    """F faces on G planes, sorted by plane.
+
+    ``rays`` of all faces one after the other, face ``f`` in rows ``ranges[f, 0]:ranges[f, 1]``;
+    ``strips`` (F,) names; ``plane`` (F,) index of each face's plane, ascending; ``pairs`` (P, 2)
+    reference face and search face.
+    """
+
+    rays: Rays
+    ranges: np.ndarray
+    strips: tuple[str, ...]
+    plane: np.ndarray
+    pairs: np.ndarray
+
+    @classmethod
+    def build(
+        cls,
+        faces: list[Rays],
+        strips: list[str],
+        planes: list[list[int]],
+        pairs: list[tuple[int, int]],
+    ) -> "TiePlanes":
+        """From ``faces`` in any order; ``planes`` lists each plane's, ``pairs`` index them too.
+
+        Faces on no plane are left out; so are pairs whose faces lie on different planes.
+        Raises `TooFewPlanes`.
+        """
+        order = [face for plane in planes for face in plane]
+        if len(planes) < LEAST_PLANES:
+            raise TooFewPlanes(
+                f"expected at least {LEAST_PLANES} matched planes, got {len(planes)}; fly over "
+                "more roofs with more overlap, or widen the matching thresholds"
+            )
+        stops = np.cumsum([len(faces[face]) for face in order])
+        place = {face: position for position, face in enumerate(order)}
+        of_plane = np.repeat(np.arange(len(planes)), [len(plane) for plane in planes])
+        kept = [(place[a], place[b]) for a, b in pairs if a in place and b in place]
+        kept = [pair for pair in kept if of_plane[pair[0]] == of_plane[pair[1]]]
+        ranges = np.column_stack([np.r_[0, stops[:-1]], stops]).astype(np.int64)
+        return cls(
+            Rays.join([faces[face] for face in order]),
+            ranges,
+            tuple(strips[face] for face in order),
+            of_plane,
+            np.array(kept, int).reshape(-1, 2),
+        )
+
+    @property
+    def n_planes(self) -> int:
+        return int(self.plane[-1]) + 1
+
+    @property
+    def plane_ranges(self) -> np.ndarray:
+        """(G, 2) rows of all points of each plane."""
+        first = np.searchsorted(self.plane, np.arange(self.n_planes))
+        last = np.searchsorted(self.plane, np.arange(self.n_planes), side="right") - 1
+        return np.column_stack([self.ranges[first, 0], self.ranges[last, 1]])
+
+    def subset(self, keep: np.ndarray) -> "TiePlanes":
+        """Without the faces where ``keep`` (F,) is False, and the planes that one face is left of.
+
+        Raises `TooFewPlanes`.
+        """
+        members = [np.flatnonzero(keep & (self.plane == g)) for g in range(self.n_planes)]
+        planes = [list(faces) for faces in members if len(faces) > 1]
+        faces = [self.rays.take(slice(first, last)) for first, last in self.ranges]
+        pairs = [tuple(pair) for pair in self.pairs]
+        return TiePlanes.build(faces, list(self.strips), planes, pairs)
+
+    def thinned(self, most: int) -> "TiePlanes":
+        """With at most ``most`` points a face, evenly spaced in their order."""
+        index = [
+            np.linspace(first, last - 1, min(most, last - first)).astype(int)
+            for first, last in self.ranges
+        ]
+        stops = np.cumsum([len(rows) for rows in index])
+        ranges = np.column_stack([np.r_[0, stops[:-1]], stops]).astype(np.int64)
+        return replace(self, rays=self.rays.take(np.concatenate(index)), ranges=ranges)
+
+    def mean_poses(self) -> np.ndarray:
+        """(F, 6), each face's mean pose (headings within a face do not wrap)."""
+        sums = np.add.reduceat(self.rays.pose, self.ranges[:, 0], axis=0)
+        return sums / np.diff(self.ranges, axis=1)
+
+
+def require_spread(normals: np.ndarray, least_deg: float = 3.0) -> None:
+    """Raise `RankDefect` if all ``normals`` (G, 3) agree within ``least_deg``."""
+    cosines = np.abs(normals @ normals.T)
+    widest = np.rad2deg(np.arccos(np.clip(cosines.min(), -1, 1)))
+    if widest < least_deg:
+        raise RankDefect(
+            f"all {len(normals)} planes are parallel within {widest:.2f} deg; expected roofs of "
+            "several slopes and azimuths. Turns about the common normal cannot be seen: add "
+            "differently inclined planes"
+        )
+
+
+def require_shared(tie_planes: TiePlanes) -> None:
+    """Raise `TooFewPlanes` where fewer than `LEAST_PLANES` planes are seen from two strips."""
+    strips = [set() for _ in range(tie_planes.n_planes)]
+    for strip, plane in zip(tie_planes.strips, tie_planes.plane, strict=True):
+        strips[plane].add(strip)
+    shared = sum(len(names) > 1 for names in strips)
+    if shared < LEAST_PLANES:
+        raise TooFewPlanes(
+            f"expected at least {LEAST_PLANES} planes that two strips or more see, got {shared} of "
+            f"{tie_planes.n_planes}; a single strip calibrates nothing: add strips that overlap"
+        )
+
+
+def require_width(width: np.ndarray, what: list[str], least_m: float = 0.05) -> None:
+    """Raise `RankDefect` where the points of a plane, or face, are only as wide as noise.
+
+    ``width`` (F,) m as in `faces.FaceStates`, ``what`` the F names.
+    """
+    narrow = np.flatnonzero(~(width >= least_m))
+    if len(narrow):
+        raise RankDefect(
+            f"the points of {', '.join(what[k] for k in narrow[:5])} lie on a line or in a point: "
+            f"expected a width of {100 * least_m:.0f} cm RMS, got {100 * width[narrow[0]]:.1f} cm; "
+            "leave such faces out"
+        )

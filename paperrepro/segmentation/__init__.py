@@ -1,1 +1,0 @@
-"""From the points of a strip to its gable roofs: `roofs.candidates`, `roofs.extract`."""

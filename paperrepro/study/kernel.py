@@ -1,0 +1,110 @@
+"""A kernel that executes one notebook after another, so that packages are imported once.
+
+Each notebook finds an empty namespace, as in a new kernel. A kernel that a notebook failed in is
+not used again, nor one that another sweep started, whose code may be older.
+"""
+
+import asyncio
+import atexit
+import os
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from jupyter_core.utils import ensure_event_loop, run_sync
+from nbformat import NotebookNode
+
+from paperrepro.study.environment import KEEP_MEMORY, ONE_THREAD
+from paperrepro.study.notebooks import LocalKernelManager, execute
+
+_START_S = 120
+_of_thread = threading.local()
+_running: "set[Kernel]" = set()
+_loops: set[asyncio.AbstractEventLoop] = set()
+
+
+class _Manager(LocalKernelManager):
+    """Knows its clients: papermill leaves open what it has of a kernel that is not its own."""
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self._clients = []
+
+    def client(self, **kwargs):
+        self._clients.append(super().client(**kwargs))
+        return self._clients[-1]
+
+    def close_clients(self) -> None:
+        while self._clients:
+            self._clients.pop().stop_channels()
+
+
+class Kernel:
+    """A running kernel with one thread for each of its libraries, for one ``sweep``."""
+
+    def __init__(self, sweep: str):
+        self.sweep = sweep
+        self._manager = _Manager(kernel_name="python3")
+        _loops.add(ensure_event_loop())
+        run_sync(self._manager.start_kernel)(env={**os.environ, **ONE_THREAD, **KEEP_MEMORY})
+        _running.add(self)
+
+    def execute(self, notebook: NotebookNode, target: Path, parameters: Mapping) -> None:
+        """As `paperrepro.study.notebooks.execute`; ends the kernel where that fails."""
+        try:
+            execute(notebook, target, parameters, km=self._manager, start_timeout=_START_S)
+            run_sync(self._forget)()
+        except BaseException:
+            self.stop()
+            raise
+        finally:
+            self._manager.close_clients()
+
+    async def _forget(self) -> None:
+        client = self._manager.client()
+        client.start_channels()
+        await client.execute(
+            "%reset -f", silent=True, store_history=False, reply=True, timeout=_START_S
+        )
+
+    @property
+    def runs(self) -> bool:
+        return self in _running
+
+    def stop(self) -> None:
+        """End it and what it started at once; may be called from any thread, and twice."""
+        if self in _running:
+            _running.discard(self)
+            self._manager.kill()
+            self._manager.cleanup_connection_file()
+
+
+def kernel_for(sweep: str, before_start: Callable[[], None]) -> Kernel:
+    """The kernel of this thread for ``sweep``; started anew, after ``before_start`` was called,
+    where there is none."""
+    kernel = getattr(_of_thread, "kernel", None)
+    if kernel is None or not kernel.runs or kernel.sweep != sweep:
+        if kernel is not None:
+            kernel.stop()
+        before_start()
+        kernel = _of_thread.kernel = Kernel(sweep)
+    return kernel
+
+
+def stop_kernels(sweep: str | None = None) -> None:
+    """End the kernels of ``sweep``, or all, of this process."""
+    for kernel in list(_running):
+        if sweep in (None, kernel.sweep):
+            kernel.stop()
+
+
+@atexit.register
+def _end() -> None:
+    """Loops are closed too: an open one that is collected after its sockets prints a traceback. One
+    that another thread runs to the last cannot be; what it has to say then concerns nobody."""
+    stop_kernels()
+    sys.unraisablehook = lambda _: None
+    for loop in _loops:
+        if not loop.is_running():
+            loop.close()

@@ -1,0 +1,206 @@
+"""What the rows of a study say, survey by survey, and how sure that is.
+
+Everything is compared over seeds: a survey is one independent sample, its thousands of points are
+not. Intervals are bootstrapped over surveys, or exact for shares of surveys.
+
+What the sigma of each scenario promise and what they hold, over many surveys.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from paperrepro.study.rows import ANGLES
+from paperrepro.study.simulated import ARTEFACT, BOUND, FAILED
+
+#: Fewer surveys of a setting than this support no verdict.
+LEAST_SEEDS = 20
+#: Confidence of all intervals of one claim together.
+CONFIDENCE = 0.95
+#: Half the width of such an interval, in sigma.
+TWO_SIDED = float(stats.norm.ppf(0.5 + CONFIDENCE / 2))
+#: Before a metric's name: its formal sigma.
+SIGMA = "sigma of "
+_RESAMPLES = 4000
+#: Of values (..., seeds, ...), over the seeds' axis: called with ``axis``.
+Statistic = Callable[..., np.ndarray]
+
+
+class TooLittle(Exception):
+    """The rows do not hold what a rule needs; the text says what is missing."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A measured value and what it could as well be."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, order=True)
+class Setting:
+    """What the surveys that are compared have in common."""
+
+    preset: str
+    noise_scale: float
+    profile: str
+
+    def __str__(self) -> str:
+        return f"{self.name} × {self.noise_scale:g}"
+
+    @property
+    def name(self) -> str:
+        """Without the noise."""
+        return self.preset if self.profile == "quick" else f"{self.preset} ({self.profile})"
+
+
+class Surveys:
+    """The surveys of one setting; each quantity a series by seed.
+
+    ``confidence`` is that of an interval, so chosen that all settings of a claim hold together.
+    """
+
+    def __init__(self, setting: Setting, values: pd.DataFrame, confidence: float):
+        self.setting = setting
+        self.confidence = confidence
+        self._values = values
+
+    def of(self, scenario: str, metric: str) -> pd.Series:
+        """One metric. Raises `TooLittle` where no row has it."""
+        if (scenario, metric) not in self._values:
+            raise TooLittle(f"no row of {metric} for {scenario}, {self.setting}")
+        return self._values[scenario, metric]
+
+    def error(self, scenario: str) -> pd.Series:
+        """Size of the boresight error over all three angles, deg."""
+        return np.sqrt(sum(self.of(scenario, f"error_{angle}") ** 2 for angle in ANGLES))
+
+    def left(self, scenario: str, metric: str) -> pd.Series:
+        """Share of a metric before calibration that a scenario leaves."""
+        return self.of(scenario, metric) / self.of("before", metric)
+
+    def failed(self, scenario: str) -> pd.Series:
+        """Whether a scenario could not be calibrated, of the surveys that were measured."""
+        marks = [(scenario, FAILED), ("all", FAILED)]
+        seen = [self._values[mark].notna() for mark in marks if mark in self._values]
+        return sum(seen, pd.Series(False, self._values.index)).astype(bool)
+
+    def enough(self, *series: pd.Series) -> list[pd.Series]:
+        """The surveys that have every one of ``series``. Raises `TooLittle` under `LEAST_SEEDS`."""
+        kept = pd.concat(series, axis=1, keys=range(len(series))).dropna()
+        if len(kept) < LEAST_SEEDS:
+            raise TooLittle(
+                f"{len(kept)} surveys of {self.setting}, at least {LEAST_SEEDS} are needed"
+            )
+        return [kept[number] for number in kept]
+
+    def mean(self, series: pd.Series) -> Interval:
+        return bootstrap(series.to_numpy(), self.confidence)
+
+    def resampled(self, values: np.ndarray, statistic: Statistic) -> Interval:
+        """``statistic`` of ``values`` (seeds, ...) with its bootstrap interval."""
+        return bootstrap(values, self.confidence, statistic)
+
+    def share(self, mask: pd.Series) -> Interval:
+        return binomial(int(mask.sum()), len(mask), self.confidence)
+
+
+class Evidence:
+    """The rows of a study by setting."""
+
+    def __init__(self, rows: pd.DataFrame):
+        rows = rows[rows.artefact == ARTEFACT]
+        sigmas = rows.dropna(subset="sigma")
+        sigmas = sigmas.assign(metric=SIGMA + sigmas.metric, value=sigmas.sigma)
+        self._values = pd.concat([rows, sigmas]).pivot_table(
+            index=["preset", "noise_scale", "profile", "seed"],
+            columns=["scenario", "metric"], values="value", aggfunc="last",
+        )  # fmt: skip
+
+    def settings(self, preset: str | None = None) -> list[Setting]:
+        """Settings with enough surveys: by preset, the paper's own noise first, then the least.
+
+        Raises `TooLittle` where there is none.
+        """
+        size = self._values.groupby(level=[0, 1, 2]).size() if len(self._values) else pd.Series()
+        size = size[[preset in (None, key[0]) for key in size.index]]
+        known = [Setting(*key) for key in size[size >= LEAST_SEEDS].index]
+        if not known:
+            most = int(size.max()) if len(size) else 0
+            of = f" of preset {preset}" if preset else ""
+            raise TooLittle(f"at most {most} surveys{of} in a setting, {LEAST_SEEDS} are needed")
+        return sorted(known, key=lambda s: (s.preset, s.profile, s.noise_scale != 1, s.noise_scale))
+
+    def surveys(self, setting: Setting, judged_together: int = 1) -> "Surveys":
+        """The surveys of one of so many settings that are judged together."""
+        key = (setting.preset, setting.noise_scale, setting.profile)
+        return Surveys(setting, self._values.loc[key], 1 - (1 - CONFIDENCE) / judged_together)
+
+
+def bootstrap(
+    values: np.ndarray,
+    confidence: float = CONFIDENCE,
+    statistic: Statistic = np.mean,
+) -> Interval:
+    """``statistic`` of ``values`` (seeds, ...), their mean by default, and its percentile interval
+    over resampled seeds."""
+    draws = np.random.default_rng(0).integers(0, len(values), (_RESAMPLES, len(values)))
+    outside = (1 - confidence) / 2
+    low, high = np.quantile(statistic(values[draws], axis=1), [outside, 1 - outside])
+    return Interval(float(statistic(values, axis=0)), float(low), float(high))
+
+
+def binomial(hits: int, tries: int, confidence: float = CONFIDENCE) -> Interval:
+    """A share and its exact (Clopper-Pearson) interval."""
+    span = stats.binomtest(hits, tries).proportion_ci(confidence)
+    return Interval(hits / tries, float(span.low), float(span.high))
+
+
+_SETTING = ["preset", "profile", "noise_scale"]
+
+
+def promises(rows: pd.DataFrame, scenarios: tuple[str, ...]) -> pd.DataFrame:
+    """A line for each setting, scenario and angle of the ``rows`` of a study.
+
+    Columns: preset, profile, noise_scale, scenario, angle; ``surveys``; ``rms_deg`` of the error;
+    ``sigma_deg``, the RMS of the formal sigma; ``bound_deg``, that of the Cramer-Rao bound on the
+    same points, and ``over_bound``, the error's RMS over it; ``coverage`` of the 95 % intervals;
+    ``nees``, the mean squared error in the unit of the full covariance of all three angles, over
+    their number.
+    """
+    rows = rows[rows.artefact == ARTEFACT]
+    nees = _of_metric(rows, "nees").groupby([*_SETTING, "scenario"]).value.mean()
+    lines = []
+    for angle in ANGLES:
+        errors = _of_metric(rows, f"error_{angle}").dropna(subset="sigma")
+        bound = _of_metric(rows[rows.scenario == BOUND], f"bound_{angle}")
+        bound = bound.set_index([*_SETTING, "seed"]).value.rename("bound")
+        errors = errors.join(bound, on=[*_SETTING, "seed"])
+        for key, group in errors.groupby([*_SETTING, "scenario"]):
+            if key[-1] in scenarios:
+                lines.append([*key, angle, *_promise(group), nees.get(key, np.nan)])
+    names = ["surveys", "rms_deg", "sigma_deg", "bound_deg", "over_bound", "coverage", "nees"]
+    table = pd.DataFrame(lines, columns=[*_SETTING, "scenario", "angle", *names])
+    table["scenario"] = pd.Categorical(table.scenario, scenarios, ordered=True)
+    return table.sort_values([*_SETTING, "scenario"], kind="stable", ignore_index=True)
+
+
+def _of_metric(rows: pd.DataFrame, metric: str) -> pd.DataFrame:
+    return rows[rows.metric == metric]
+
+
+def _promise(group: pd.DataFrame) -> list[float]:
+    known = group.dropna(subset="bound")
+    bound = _rms(known.bound)
+    held = group.value.abs() <= TWO_SIDED * group.sigma
+    over = _rms(known.value) / bound if len(known) else np.nan
+    return [len(group), _rms(group.value), _rms(group.sigma), bound, over, held.mean()]
+
+
+def _rms(values: pd.Series) -> float:
+    return float(np.sqrt(np.square(values).mean()))

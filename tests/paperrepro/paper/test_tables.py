@@ -1,0 +1,52 @@
+"""Rows and the tables read from them."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from paperrepro.method.adjustment.scenarios import calibrate
+from paperrepro.paper.published import TABLE4
+from paperrepro.paper.tables import calibration_rows, table4
+from paperrepro.study.rows import COLUMNS, Run, frame, write_csv
+from tests.paperrepro.labelled import matched_faces, survey_of
+
+RUN = Run("mount", "quick", 1.0, 7)
+
+
+@pytest.fixture(scope="module")
+def rows():
+    tie_planes, truth, _ = matched_faces()
+    results = {name: calibrate(survey_of(), tie_planes, name) for name in ("SL", "A")}
+    return frame(calibration_rows(RUN, results, truth.boresight + np.deg2rad([0.1, 0.2, 0.3])))
+
+
+def test_rows_are_tidy(rows):
+    assert tuple(rows.columns) == COLUMNS
+    assert set(rows.preset) == {"mount"}
+    assert set(rows.seed) == {7}
+    assert not rows[["artefact", "scenario", "metric", "unit", "value"]].isna().any().any()
+
+
+def test_table4_sets_paper_truth_estimate_and_error_side_by_side(rows):
+    table = table4(rows).set_index(["scenario", "angle"])
+    line = table.loc["A", "phi"]
+    assert line.paper_deg == TABLE4["A", "phi"].value
+    assert line.paper_sigma_deg == TABLE4["A", "phi"].sigma
+    assert line.truth_deg == pytest.approx(-0.8 + 0.2)
+    assert line.estimate_deg == pytest.approx(-0.8)
+    assert line.error_deg == pytest.approx(-0.2)
+    assert line.error_in_sigma == pytest.approx(line.error_deg / line.sigma_deg)
+    assert np.isnan(table.loc["SL", "phi"].paper_deg)  # the paper prints no row for [11] alone
+
+
+def test_csv_is_written_whole_and_read_back(tmp_path, rows):
+    path = write_csv(rows, tmp_path / "deep", "rows")
+    back = pd.read_csv(path)
+    np.testing.assert_allclose(back.value, rows.value, rtol=1e-9)
+    assert [p.name for p in path.parent.iterdir()] == ["rows.csv"]
+
+
+def test_an_empty_folder_writes_nothing(tmp_path, rows, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert write_csv(rows, "", "rows") is None
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,196 @@
+"""Sweeps whose processes are killed, stopped, or belong to somebody else's scheduler."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pandas as pd
+import psutil
+import pytest
+
+from paperrepro.cli import main
+from paperrepro.study import workers
+from tests.paperrepro.study.sweeping import (
+    arguments,
+    begun,
+    expected_keys,
+    kernels,
+    keys_of,
+    rows_of,
+    write_notebook,
+)
+
+pytestmark = pytest.mark.slow
+
+NOISES, SEEDS = "0,1,2", 4
+RUNS = 12
+PATIENCE_S = 120
+
+
+@pytest.fixture
+def sweep(tmp_path):
+    """A sweep of a dozen runs of a second, each leaving a line in ``log``, as its arguments."""
+    notebook = write_notebook(tmp_path / "standin.ipynb")
+    more = ["--grid", "lasts_s=0.6", "--grid", f"log={tmp_path / 'log'}"]
+    return arguments(notebook, tmp_path / "out", *more, noise=NOISES, seeds=SEEDS)
+
+
+@contextmanager
+def started(command, text=False):
+    """A process in a group of its own, as a shell starts it in the foreground: it heeds SIGINT even
+    where these tests, started in the background, were told not to. Ended with all it started."""
+    pipe = subprocess.PIPE if text else subprocess.DEVNULL
+    process = subprocess.Popen(
+        command, start_new_session=True, text=True, stdout=pipe, stderr=pipe,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
+    try:
+        yield process
+    finally:
+        for one in family(process):
+            one.kill()
+        process.wait()
+
+
+def paperrepro(arguments):
+    return [sys.executable, "-m", "paperrepro", *arguments]
+
+
+def family(process):
+    """It and all processes below it, kernels too."""
+    try:
+        parent = psutil.Process(process.pid)
+        return [*parent.children(recursive=True), parent]
+    except psutil.NoSuchProcess:
+        return []
+
+
+def until(happened, process=None):
+    end = time.monotonic() + PATIENCE_S
+    while not happened():
+        assert time.monotonic() < end, "it took too long"
+        assert process is None or process.poll() is None, "the process is over already"
+        time.sleep(0.02)
+
+
+def finished(folder):
+    return {path.stem for path in (folder / "out" / "runs").glob("*.csv")}
+
+
+def all_gone(processes):
+    return not psutil.wait_procs(processes, timeout=30)[1]
+
+
+def test_a_worker_that_is_killed_loses_and_doubles_nothing(sweep, tmp_path):
+    log = tmp_path / "log"
+    with started(paperrepro([*sweep, "--workers", "2"]), text=True) as process:
+        until(lambda: len(finished(tmp_path)) >= 2, process)
+        before = len(begun(log))
+        until(lambda: len(begun(log)) > before, process)  # a run has just begun
+        kernel = psutil.Process(kernels(log)[-1])
+        worker = kernel.parent()
+        assert process.pid in {parent.pid for parent in worker.parents()}
+        worker.kill()
+        assert all_gone([kernel]), "the kernel outlives its worker"
+        out, err = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0, err
+    assert f"{RUNS} of {RUNS} runs" in out
+    rows = rows_of(tmp_path / "out")
+    assert keys_of(rows) == expected_keys(NOISES.split(","), SEEDS)
+    assert len(begun(log)) == RUNS + 1  # what the worker was at is begun again
+
+
+def test_a_sweep_that_is_killed_goes_on_with_what_is_missing(sweep, tmp_path):
+    log = tmp_path / "log"
+    with started(paperrepro([*sweep, "--workers", "2"])) as process:
+        until(lambda: len(finished(tmp_path)) >= 3, process)
+        processes = family(process)
+        process.kill()
+        assert all_gone(processes), "workers or kernels outlive the sweep"
+    kept, lines = finished(tmp_path), len(begun(log))
+    assert 3 <= len(kept) < RUNS
+    assert not (tmp_path / "out" / "sweep.csv").exists()
+    subprocess.run(paperrepro([*sweep, "--workers", "2"]), check=True, capture_output=True)
+    again = begun(log)[lines:]
+    assert len(again) == len(set(again)) == RUNS - len(kept)
+    assert kept < finished(tmp_path)
+    assert keys_of(rows_of(tmp_path / "out")) == expected_keys(NOISES.split(","), SEEDS)
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_stopped_it_ends_cleanly_and_says_how_to_go_on(sweep, tmp_path, how):
+    with started(paperrepro([*sweep, "--workers", "2"]), text=True) as process:
+        until(lambda: len(finished(tmp_path)) >= 2, process)
+        processes = family(process)
+        # a terminal sends Ctrl-C to the whole group, a cluster its signal to the job
+        (os.killpg if how == signal.SIGINT else os.kill)(process.pid, how)
+        out, err = process.communicate(timeout=PATIENCE_S)
+        assert all_gone(processes), "workers or kernels outlive the sweep"
+    kept = len(finished(tmp_path))
+    assert process.returncode == 1
+    assert "Traceback" not in err, err
+    assert f"{kept} of {RUNS} runs" in out
+    assert "stopped; the same command goes on" in out
+    assert 2 <= kept < RUNS
+    assert len(rows_of(tmp_path / "out")) == len(expected_keys("0", 1)) * kept
+
+
+@contextmanager
+def scheduler(folder, workers):
+    """A Dask scheduler and so many workers, each a process that knows only its address."""
+    dask = Path(sys.executable).with_name("dask")
+    with ExitStack() as stack:
+        address = folder / "scheduler.json"
+        command = [dask, "scheduler", "--port", "0", "--no-dashboard", "--host", "127.0.0.1"]
+        stack.enter_context(started([*command, "--scheduler-file", address]))
+        until(address.exists)
+        found = re.search(r"tcp://[\d.:]+", address.read_text())[0]
+        command = [dask, "worker", found, "--nthreads", "1", "--no-dashboard"]
+        places = [folder / f"worker{k}" for k in range(workers)]
+        processes = [
+            stack.enter_context(started([*command, "--local-directory", place])) for place in places
+        ]
+        yield found, processes
+
+
+def test_an_external_scheduler_gives_the_rows_of_a_local_one(sweep, tmp_path, capsys):
+    local = [*sweep, "--workers", "2"]
+    subprocess.run(paperrepro(local), check=True, capture_output=True)
+    rows = rows_of(tmp_path / "out")
+    elsewhere = [str(tmp_path / "far") if part == str(tmp_path / "out") else part for part in sweep]
+    with scheduler(tmp_path, 2) as (address, workers):
+        lines = len(begun(tmp_path / "log"))
+        command = paperrepro([*elsewhere, "--scheduler", address])
+        made = subprocess.run(command, check=True, capture_output=True, text=True)
+        used = {psutil.Process(worker.pid) for worker in workers}
+        left = [one for worker in used for one in worker.children(recursive=True)]
+        assert not any("ipykernel" in " ".join(one.cmdline()) for one in left)
+        # asked again, nothing is done
+        subprocess.run(command, check=True, capture_output=True)
+    assert "2 workers" in made.stdout
+    assert len(begun(tmp_path / "log")) - lines == RUNS
+    assert len(set(kernels(tmp_path / "log")[lines:])) == 2  # both workers had a part
+    pd.testing.assert_frame_equal(rows_of(tmp_path / "far"), rows)
+
+
+def test_where_no_scheduler_answers(sweep, monkeypatch, capsys):
+    monkeypatch.setattr(workers, "_CONNECT_S", 1)
+    assert main([*sweep, "--scheduler", "tcp://127.0.0.1:9"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "tcp://127.0.0.1:9" in line
+    assert "dask scheduler" in line
+
+
+def test_a_kernel_that_dies_is_a_failure_of_its_run_alone(tmp_path):
+    notebook = write_notebook(tmp_path / "standin.ipynb")
+    command = arguments(notebook, tmp_path / "out", "--workers", "1", noise="99,1", seeds=1)
+    done = subprocess.run(paperrepro(command), capture_output=True, text=True)
+    assert done.returncode == 1
+    assert re.search(r"failed: .*noise_scale=99.0.*: DeadKernelError", done.stderr)
+    rows = rows_of(tmp_path / "out")
+    assert keys_of(rows[rows.metric != "failed"]) == expected_keys("1", 1)
