@@ -91,21 +91,23 @@ class VarianceComponents:
     def roughness(self) -> float:
         return float(np.exp(self.logs[0] + self.logs[14]))
 
-    def noise(self, specified: GaussMarkov, constant: np.ndarray | None = None) -> Noise:
-        """Prior of the random effects. The specified variance of the attitude that the processes do
-        not take is left for a ``constant`` of the mission, unless one is given; one of the position
-        shifts the whole cloud and is not seen."""
-        sigma = specified.sigma * _spread(self.sigma)
-        fast = specified.sigma * _spread(self.fast)
-        tau = specified.correlation_time * _spread(self.correlation_time)
-        slow = GaussMarkov(sigma, tau)
-        if constant is None:
-            left = np.square(specified.sigma) - np.square(sigma) - np.square(fast)
-            constant = np.sqrt(np.maximum(left, 0.0))
-            constant[:3] = 0.0
-        return Noise(
-            (slow, GaussMarkov(fast, np.full(6, FAST_TIME))), constant, self.surface, self.roughness
+    def constant(self, specified: GaussMarkov) -> np.ndarray:
+        """(6,) sigma of an attitude that is off for the whole mission: what of the specified
+        variance the processes, one standard deviation above their estimates, leave. No data tell it
+        from the boresight; one of the position shifts the whole cloud and is not seen."""
+        above = np.zeros(4) if self.covariance is None else np.sqrt(np.diag(self.covariance)[2:6])
+        share = np.square(self.sigma * np.exp(above)) + np.square(self.fast)
+        constant = specified.sigma * np.sqrt(np.maximum(1 - _spread(share), 0.0))
+        return np.r_[np.zeros(3), constant[3:]]
+
+    def noise(self, specified: GaussMarkov, constant: np.ndarray) -> Noise:
+        """Prior of the random effects, with the sigma (6,) of constants."""
+        slow = GaussMarkov(
+            specified.sigma * _spread(self.sigma),
+            specified.correlation_time * _spread(self.correlation_time),
         )
+        fast = GaussMarkov(specified.sigma * _spread(self.fast), np.full(6, FAST_TIME))
+        return Noise((slow, fast), constant, self.surface, self.roughness)
 
     def apply(self, model: TrajectoryModel) -> TrajectoryModel:
         """The model with the laser's variances scaled."""
@@ -181,17 +183,18 @@ def _with_uncertainty(likelihood: "Likelihood", logs, step, free) -> Estimate:
     precision[~free], precision[:, ~free] = least[~free], least[:, ~free]
     values, axes = np.linalg.eigh(precision)
     values = np.maximum(values, np.diag(axes.T @ least @ axes))
-    here, x, Q = likelihood.boresight(logs)
+    covariance = (axes / values) @ axes.T * np.outer(step, step)
+    components = VarianceComponents(logs, covariance)
+    constant = components.constant(likelihood.specified)
+    here, x, Q = likelihood.boresight(logs, constant)
     extra = np.zeros((3, 3))
     for value, axis in zip(values[values < MANY], axes.T[values < MANY], strict=True):
         for side in (1.0, -1.0):
-            _, x_side, Q_side = likelihood.boresight(logs + side * step * axis / np.sqrt(value))
+            moved = logs + side * step * axis / np.sqrt(value)
+            _, x_side, Q_side = likelihood.boresight(moved, constant)
             extra += (Q_side - Q + np.outer(x_side - x, x_side - x)) / 2
-    covariance = (axes / values) @ axes.T * np.outer(step, step)
     values, axes = np.linalg.eigh(extra)
-    return Estimate(
-        VarianceComponents(logs, covariance), here, (axes * np.maximum(values, 0.0)) @ axes.T
-    )
+    return Estimate(components, here, (axes * np.maximum(values, 0.0)) @ axes.T)
 
 
 def _with_roughness(likelihood: "Likelihood", logs: np.ndarray) -> np.ndarray:
@@ -256,10 +259,12 @@ class Likelihood:
         quadratic = scaled.chi2 + prior_chi2(self.model, noise, self.state)
         return eliminate(scaled, self.model, noise, self.state), noise, quadratic
 
-    def boresight(self, logs: np.ndarray) -> tuple[State, np.ndarray, np.ndarray]:
+    def boresight(
+        self, logs: np.ndarray, constant: np.ndarray
+    ) -> tuple[State, np.ndarray, np.ndarray]:
         """State, boresight (3,) and its covariance (3, 3) under ``logs``, one step from here."""
         components = VarianceComponents(logs)
-        noise = components.noise(self.specified)
+        noise = components.noise(self.specified, constant)
         data = self.data.scaled(components.range**-2)
         step = eliminate(data, self.model, noise, self.state)
         state = self.model.moved(self.state, step)

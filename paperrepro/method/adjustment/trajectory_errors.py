@@ -107,7 +107,8 @@ def calibrate_with_trajectory(
         near = calibrate(survey, tie_planes, "SL").boresight
     if found is not None:
         model = found.components.apply(model)
-        noise = found.components.noise(specified_process(survey.navigation)).reduced()
+        specified = specified_process(survey.navigation)
+        noise = found.components.noise(specified, found.components.constant(specified)).reduced()
     state = model.start(np.r_[near, start[3:]], len(noise.processes))
     solution = iterate(model, noise, state)
     return _result(model, noise, start, solution, found)
