@@ -6,7 +6,7 @@ sigma is too small by a factor of ten. Here the error is an unknown: a first-ord
 process estimated in the same Gauss-Helmert adjustment, as in the paper's Eq. (3)-(4) otherwise.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,6 +40,8 @@ from paperrepro.survey import Navigation, Survey
 NODE_SPACING = 0.1
 #: Points a face, and seconds between nodes, that show what a flight determines.
 WITNESSES, WITNESS_SPACING = 200, 0.5
+#: A delay of the clock is beyond doubt from so many of its sigma on; and how often it is looked for.
+CLOCK_SIGMAS, CLOCK_ROUNDS = 4.0, 6
 
 
 def specified_process(navigation: Navigation) -> GaussMarkov:
@@ -56,15 +58,46 @@ def specified_noise(navigation: Navigation) -> Noise:
 @dataclass(frozen=True)
 class FoundNoise:
     """What the data say of the noise: variance ``components``, and ``open`` (3, 3) rad², what the
-    boresight gets of their uncertainty."""
+    boresight gets of their uncertainty; ``delay`` s of the laser's clock under which they are."""
 
     components: VarianceComponents
     open: np.ndarray
+    delay: float = 0.0
 
 
 def _clock_can_be_off(survey: Survey) -> bool:
     """A point that came with its pose has no clock of its own."""
     return survey.trajectory is not None and all(strip.pose is None for strip in survey.strips)
+
+
+def _find_delay(survey: Survey, tie_planes: TiePlanes, near: np.ndarray, spacing: float) -> float:
+    """Delay of the laser's clock, s, where it is beyond doubt, before any component could take it
+    for an error of the trajectory. Noise of the reported poses makes each estimate too small by a
+    share, so poses are taken at the later time and the rest is looked for, until there is none."""
+    delay, components = 0.0, VarianceComponents()
+    for _ in range(CLOCK_ROUNDS):
+        moved = _delayed(survey, tie_planes, delay)
+        model = TrajectoryModel.prepare(survey, moved, "per_ring", spacing, clock=True)
+        noise = components.noise(specified_process(survey.navigation), np.zeros(6))
+        state = model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
+        solution = iterate(model, noise, state, 0.01)
+        at = len(state.x) - 1
+        rest, sigma = solution.state.x[at], np.sqrt(solution.step.Q[at, at])
+        if abs(rest) < (CLOCK_SIGMAS if delay == 0 else 1) * sigma:
+            break
+        delay += rest
+    return float(delay)
+
+
+def _delayed(survey: Survey, tie_planes: TiePlanes, delay: float) -> TiePlanes:
+    """With the poses of ``delay`` s later."""
+    if delay == 0:
+        return tie_planes
+    rays, times = tie_planes.rays, survey.trajectory.time
+    pose = survey.trajectory.at(np.clip(rays.time + delay, times[0], times[-1]))
+    turns = np.round((rays.pose[:, 5] - pose[:, 5]) / (2 * np.pi))
+    pose[:, 5] += 2 * np.pi * turns
+    return replace(tie_planes, rays=replace(rays, pose=pose))
 
 
 def find_noise(
@@ -73,12 +106,15 @@ def find_noise(
 ) -> FoundNoise:  # fmt: skip
     """Variance components from ``tie_planes``, at a boresight ``near`` (3,) rad; where not
     ``all_components``, those of laser and surfaces alone, and the others keep their priors."""
-    clock = _clock_can_be_off(survey)
+    clock, delay = _clock_can_be_off(survey), 0.0
+    if clock:
+        delay = _find_delay(survey, tie_planes, near, spacing)
+        tie_planes = _delayed(survey, tie_planes, delay)
     model = TrajectoryModel.prepare(survey, tie_planes, "per_ring", spacing, clock=clock)
     state = model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
     free = None if all_components else OF_LASER
     found = estimate(model, specified_process(survey.navigation), state, free)
-    return FoundNoise(found.components, found.open)
+    return FoundNoise(found.components, found.open, delay)
 
 
 def calibrate_with_trajectory(
@@ -100,6 +136,8 @@ def calibrate_with_trajectory(
     noise, not scaled by sigma0. Raises `BadInput`, `RankDefect`, `NoConvergence`.
     """
     clock = found is not None and _clock_can_be_off(survey)
+    if clock:
+        tie_planes = _delayed(survey, tie_planes, found.delay)
     model = TrajectoryModel.prepare(survey, tie_planes, range_offsets, spacing, lever_arm, clock)
     noise = specified_noise(survey.navigation)
     start = model.unknowns.start()
@@ -172,7 +210,7 @@ def _result(
             if unknowns.lever else None
         ),
         clock=(
-            Clock(unknowns.clock_delay(state.x), float(np.sqrt(Q[len(state.x) - 1, len(state.x) - 1])))
+            Clock(found.delay + unknowns.clock_delay(state.x), float(np.sqrt(Q[len(state.x) - 1, len(state.x) - 1])))
             if unknowns.clock else None
         ),
         reliability=reliability(model, noise, solution, of_surface),

@@ -37,8 +37,10 @@ class Window:
     plane: np.ndarray
 
 
-def windows(cells: Cells, nodes: Nodes, plane: np.ndarray) -> tuple[Window, ...]:
-    """Cut where no cell is, no face is cut by it, and `LEAST_NODES` lie before; ``plane`` (F,)."""
+def windows(
+    cells: Cells, nodes: Nodes, plane: np.ndarray, least: int = LEAST_NODES
+) -> tuple[Window, ...]:
+    """Cut where no face is seen before and after, ``least`` nodes apart; ``plane`` (F,) of each."""
     count = len(nodes.time)
     crossed = np.zeros(count + 1, int)  # by how many faces the step to node k is spanned
     n_faces = len(plane)
@@ -50,7 +52,7 @@ def windows(cells: Cells, nodes: Nodes, plane: np.ndarray) -> tuple[Window, ...]
     free = np.flatnonzero(np.cumsum(crossed)[1:count] == 0) + 1
     starts = [0]
     for k in free:
-        if k - starts[-1] >= LEAST_NODES and count - k >= 2:
+        if k - starts[-1] >= least and count - k >= 2:
             starts.append(int(k))
     of_cell = np.searchsorted(starts, cells.node, side="right") - 1
     out = []
