@@ -57,6 +57,8 @@ def run(options: argparse.Namespace) -> int:
             adjust_strips(flight, own.result.calibrated, draft)
     print(f"{options.out}: {calibration_file.NAME}, {pages.NAME}")
     print("\n".join([*flight.notes, *own.remarks, *calibration_file.summary(own.result)]))
+    for sentence in calibration_file.contradictions(own):
+        print(f"  check: {sentence}")
     return 0
 
 

@@ -26,7 +26,7 @@ from PIL import Image
 from paperrepro import __version__
 from paperrepro.errors import BadInput
 from paperrepro.flight.calibrate import OwnFlight
-from paperrepro.flight.calibration_file import ANGLES
+from paperrepro.flight.calibration_file import ANGLES, contradictions
 from paperrepro.method.accuracy import rms
 from paperrepro.method.adjustment.conditions import Unknowns, face_states
 from paperrepro.method.adjustment.observability import AXIS_WORDS
@@ -328,7 +328,8 @@ def calibration_page(
         reasons=str(result.observability).split("; ")[2:],
         strips=len(own.survey.strips), scanner=own.survey.scanner.name,
         navigation=own.survey.navigation.name, pictures=pictures, files=files,
-        notes=[*notes, *own.remarks], angles=angle_table(own), offsets=offset_table(own),
+        notes=[*notes, *own.remarks, *contradictions(own)],
+        angles=angle_table(own), offsets=offset_table(own),
         pairs=pair_table(own), planes=plane_table(own), rejected=rejected_table(own),
         noise=noise_table(own), version=__version__, cm=CM, ratio=median_ratio(own),
     )  # fmt: skip
@@ -448,15 +449,22 @@ def noise_table(own: OwnFlight) -> Table | None:
     if factors is None:
         return None
     navigation, scanner = own.survey.navigation, own.survey.scanner
-    position = ", ".join(f"{CM * s:.1f}" for s in navigation.position_sigma)
-    attitude = ", ".join(f"{np.degrees(s):.3f}" for s in navigation.attitude_sigma)
-    lines = [
-        ("laser range", f"{CM * scanner.range_sigma:.1f} cm", f"{factors['range']:.2f}"),
-        ("position east, north, up", f"{position} cm", f"{factors['position']:.2f}"),
-        ("attitude roll, pitch, heading", f"{attitude}°", f"{factors['attitude']:.2f}"),
+    tau = navigation.correlation_time
+    position, attitude = CM * navigation.position_sigma, np.degrees(navigation.attitude_sigma)
+    specified = {
+        "horizontal": f"{position[0]:.1f}, {position[1]:.1f} cm", "height": f"{position[2]:.1f} cm",
+        "roll_pitch": f"{attitude[0]:.3f}, {attitude[1]:.3f}°", "heading": f"{attitude[2]:.3f}°",
+    }  # fmt: skip
+    laser = f"{CM * scanner.range_sigma:.1f} cm"
+    lines = [("laser range", laser, f"{factors['range']:.2f}", "", "")]
+    lines += [
         (
-            "correlation time", f"{navigation.correlation_time:.0f} s",
-            f"{factors['correlation_time']:.2f}",
-        ),
+            name.replace("_", ", "), words, f"{factors[name]:.2f}",
+            f"{tau * factors[f'{name}_time']:.0f}", f"{factors[f'{name}_fast']:.2f}",
+        )
+        for name, words in specified.items()
     ]  # fmt: skip
-    return Table(("σ of", "specified", "factor found"), lines, frozenset({0, 1}))
+    for name, key in (("surface of a view", "surface_m"), ("roughness", "roughness_m")):
+        lines.append((name, "", f"{CM * factors[key]:.2f} cm", "", ""))
+    heads = ("σ of", "specified", "factor found", "lasting (s)", "share of a second's errors")
+    return Table(heads, lines, frozenset({0, 1}))

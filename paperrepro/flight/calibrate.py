@@ -14,6 +14,8 @@ from paperrepro.method.accuracy import PairDistances, overlaps, pair_distances
 from paperrepro.method.adjustment import trajectory_errors
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES, calibrate
 from paperrepro.method.adjustment.conditions import Unknowns, face_states
+from paperrepro.method.adjustment.model_checks import Check, model_checks
+from paperrepro.method.adjustment.observability import AXIS_WORDS
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.screening import screen
 from paperrepro.method.coarse_to_fine import (
@@ -46,7 +48,7 @@ class OwnFlight:
     ``planes``: ``gables`` or ``any``; ``result``; ``tie_planes`` faces that went into it;
     ``rejected`` faces, wrong matches of the last pass and of the adjustment; ``boresights``
     (passes + 1, 3) rad as the passes went; ``distances`` of the pairs of strips; ``remarks``, a
-    sentence each.
+    sentence each; ``checks`` of the model under which sigma hold.
     """
 
     survey: Survey
@@ -57,6 +59,7 @@ class OwnFlight:
     boresights: np.ndarray
     distances: tuple[PairDistances, ...]
     remarks: tuple[str, ...]
+    checks: tuple[Check, ...] = ()
 
 
 def calibrate_flight(
@@ -76,15 +79,39 @@ def calibrate_flight(
     result, tie_planes = _adjust(survey, found.tie_planes, scenario, found.boresights[-1])
     if scenario == "D" and len(set(tie_planes.strips)) < ENOUGH_STRIPS:
         remarks.append(
-            f"Noise was taken as specified: {len(set(tie_planes.strips))} strips do not show it, "
-            f"{ENOUGH_STRIPS} would. Sigma holds as far as the specification does."
+            f"The trajectory's noise was taken as specified, to a factor of three: "
+            f"{len(set(tie_planes.strips))} strips do not show it, {ENOUGH_STRIPS} would."
         )
+    remarks += _constants(result)
+    checks = model_checks(result, survey, tie_planes, found.boresights[-1])
     progress(f"distances of {len(pairs)} pairs of strips")
     distances = pair_distances(samples, pairs, survey.mounting, result.calibrated)
     rejected = (*found.rejected, *result.rejected)
     return OwnFlight(
-        survey, kind, result, tie_planes, rejected, found.boresights, distances, tuple(remarks)
+        survey,
+        kind,
+        result,
+        tie_planes,
+        rejected,
+        found.boresights,
+        distances,
+        tuple(remarks),
+        checks,
     )
+
+
+def _constants(result: CalibrationResult) -> list[str]:
+    """What of sigma is an attitude that may be off all the time, in words."""
+    if result.trajectory is None:
+        return []
+    sigma = np.degrees(result.trajectory.constant_sigma[3:])
+    words = [f"{axis} {s:.3f}°" for axis, s in zip(AXIS_WORDS, sigma, strict=True) if s > 0]
+    if not words:
+        return []
+    return [
+        f"Sigma hold a constant error of the attitude ({', '.join(words)}), which no data tell from "
+        "the boresight: the specification allows it, the flight does not show it."
+    ]
 
 
 def _require_word(what: str, word: str, words) -> None:

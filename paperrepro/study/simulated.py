@@ -30,6 +30,7 @@ from paperrepro.method.adjustment.conditions import Unknowns, face_states
 from paperrepro.method.adjustment.quality import TrueNoise, cramer_rao_bound
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.trajectory_equations import AXES
+from paperrepro.method.adjustment.trajectory_errors import find_noise
 from paperrepro.method.coarse_to_fine import (
     Candidates,
     RoofSurvey,
@@ -43,6 +44,8 @@ from paperrepro.study.rows import ANGLES, Run
 from paperrepro.survey import Mounting, Rays, Survey
 
 ARTEFACT = "study"
+#: Points a face from which scenario D finds the noise.
+NOISE_POINTS = 150
 #: Density falls from the track outwards; this quantile of the square metres is near the track.
 CREST = 0.9
 #: Scenario of the Cramer-Rao bound's rows.
@@ -301,6 +304,12 @@ def _refined(
     return mountings
 
 
+def _with_found_noise(survey: Survey, found: RoofSurvey) -> CalibrationResult:
+    """Scenario D under the noise that it finds in the data."""
+    noise = find_noise(survey, found.tie_planes.thinned(NOISE_POINTS), found.boresights[-1])
+    return calibrate(survey, found.tie_planes, "D", found=noise)
+
+
 def _mistaken_rows(
     run: Run, survey: Survey, found: RoofSurvey, truth: np.ndarray, factors: Sequence[float]
 ) -> list[dict]:
@@ -314,8 +323,7 @@ def _mistaken_rows(
             attitude_sigma=factor * told.attitude_sigma,
         )
         result = _attempt(
-            rows, run, name, calibrate, replace(survey, navigation=told), found.tie_planes, "D",
-            components=True,
+            rows, run, name, _with_found_noise, replace(survey, navigation=told), found
         )  # fmt: skip
         if result is not None:
             rows += angle_rows(run, name, result, truth)

@@ -25,9 +25,9 @@ def calibrate(
 
     ``robust``: faces that miss their plane are left out first, and reported (`screening`).
     Scenario D takes the noise as specified, or as ``found`` in the data, and estimates the
-    ``lever_arm`` where asked, which the others hold. `Observability.undetermined` names the angles that the flight does not
-    determine, whatever sigma the scenario has for them. Raises `BadInput` for an unknown scenario,
-    `TooFewPlanes`, `RankDefect`, `NoConvergence`.
+    ``lever_arm`` where asked, which the others hold. `Observability.undetermined` names the angles
+    that the flight does not determine, whatever sigma the scenario has for them. Raises `BadInput`
+    for an unknown scenario, `TooFewPlanes`, `RankDefect`, `NoConvergence`.
     """
     if scenario not in SCENARIO_NAMES:
         raise BadInput(

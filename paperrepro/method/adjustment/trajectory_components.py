@@ -45,9 +45,10 @@ ROUNDS, SETTLED = 3, 0.05
 
 @dataclass(frozen=True)
 class VarianceComponents:
-    """Factor on the laser's specified sigma, ``range``; sigma of a view's ``surface`` error
-    and of the ``roughness`` that its points of a moment share, m; for each of `GROUPS` the factors (4,) on the specified ``sigma`` and ``correlation_time``, and
-    the sigma of errors that last a second, ``fast``, as a share of the specified.
+    """Factor on the laser's specified sigma, ``range``; sigma of a view's ``surface`` error and of
+    the ``roughness`` that its points of a moment share, m; for each of `GROUPS` the factors (4,) on
+    the specified ``sigma`` and ``correlation_time``, and the sigma of errors that last a second,
+    ``fast``, as a share of the specified.
 
     ``logs`` (15,) are the logarithms of all, of roughness that of its ratio to ``range``;
     ``covariance`` (15, 15) of these, or None."""
@@ -130,7 +131,7 @@ OF_LASER = np.isin(np.arange(len(_MIDDLE)), (0, 1))
 
 @dataclass(frozen=True)
 class Estimate:
-    """``components`` and the ``state`` adjusted under them; ``open`` (3, 3) rad², what the boresight
+    """``components``, ``state`` adjusted under them, and ``open`` (3, 3) rad², what the boresight
     gets of their uncertainty."""
 
     components: VarianceComponents
@@ -141,9 +142,8 @@ class Estimate:
 def estimate(
     model: TrajectoryModel, specified: GaussMarkov, state: State, free: np.ndarray | None = None
 ) -> Estimate:
-    """Components, those of ``free`` (15,) bool, by default all, and roughness; the others keep their
-    prior.
-    ``state`` has two processes. Raises as `trajectory_solver.iterate` does."""
+    """Components, those of ``free`` (15,) bool, by default all, and roughness; the others keep
+    their prior. ``state`` has two processes. Raises as `trajectory_solver.iterate` does."""
     logs = VarianceComponents().logs
     free = np.arange(len(logs)) != ROUGHNESS if free is None else free
     # every condition speaks of the range, few of the rest: in these steps all matter alike
@@ -220,7 +220,8 @@ def _scaled(value_and_gradient, step):
 @dataclass(frozen=True)
 class Likelihood:
     """Minus twice the restricted log likelihood and log prior of the components' logarithms, at the
-    linearisation point ``state``, whose ``blocks``, times ``factor``, are under the specified laser."""
+    linearisation point ``state``, whose ``blocks`` times ``factor`` are under the specified laser.
+    """
 
     model: TrajectoryModel
     specified: GaussMarkov

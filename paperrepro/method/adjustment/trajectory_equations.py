@@ -92,7 +92,7 @@ N_NODES = 12  # two nodes of six components
 #: A moment, s: a turn of most scanners, so that a cell holds one scan line of each beam. What the
 #: points of a moment share of a face's roughness is independent of how far the nodes are apart.
 MOMENT = 0.1
-#: A row of A without offset, lever arm and clock. Loops of a length that is known are twice as fast.
+#: A row of A without offset, lever arm, clock. Loops of a length that is known are twice as fast.
 N_ROW = N_ANGLES + N_PLANE + N_NODES
 
 
@@ -154,7 +154,7 @@ def cell_blocks(
     variances: np.ndarray,
     settled: float = SETTLED,
 ) -> CellBlocks:
-    """`CellBlocks` at ``x``, the views' ``planes`` (F, 4) with d from ``origin`` (F, 3), pose errors
+    """`CellBlocks` at ``x``, the views' ``planes`` (F, 4), d from ``origin`` (F, 3), pose errors
     ``error`` (K, 6) m and rad, and ``variances`` (9,) of the observations, free of what the error
     stands for; ``turns`` (F, 3, 2) how a plane's normal moves with its two unknowns; ``settled`` m
     as `sightlines.settle` has it.

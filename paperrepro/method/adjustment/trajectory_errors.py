@@ -25,7 +25,6 @@ from paperrepro.method.adjustment.trajectory_solver import (
     Noise,
     Solution,
     State,
-    Step,
     TrajectoryModel,
     eliminate,
     iterate,
@@ -40,7 +39,7 @@ from paperrepro.survey import Navigation, Survey
 NODE_SPACING = 0.1
 #: Points a face, and seconds between nodes, that show what a flight determines.
 WITNESSES, WITNESS_SPACING = 200, 0.5
-#: A delay of the clock is beyond doubt from so many of its sigma on; and how often it is looked for.
+#: A delay of the clock is beyond doubt from so many of its sigma on; how often it is looked for.
 CLOCK_SIGMAS, CLOCK_ROUNDS = 4.0, 6
 
 
@@ -172,7 +171,7 @@ def _result(
 ) -> CalibrationResult:
     state, step = solution.state, solution.step
     tie_planes, unknowns = model.tie_planes, model.unknowns
-    kept, lever = unknowns.kept, unknowns.lever_at
+    kept, lever, u = unknowns.kept, unknowns.lever_at, len(state.x)
     observability = _observability(step.S, kept, model.pseudo_weight)
     require_determined(observability)
     Q = step.Q_y.copy()
@@ -203,14 +202,14 @@ def _result(
         rms_after=after.rms,
         points_per_plane=after.count,
         observability=observability,
-        trajectory=_errors(model, state, step, variance),
+        trajectory=_errors(model, noise, state, variance),
         components=None if found is None else found.components.named(),
         lever_arm=(
             LeverArm.of(unknowns.mounting, state.x[lever], Q[lever, lever])
             if unknowns.lever else None
         ),
         clock=(
-            Clock(found.delay + unknowns.clock_delay(state.x), float(np.sqrt(Q[len(state.x) - 1, len(state.x) - 1])))
+            Clock(found.delay + unknowns.clock_delay(state.x), float(np.sqrt(np.diag(Q)[u - 1])))
             if unknowns.clock else None
         ),
         reliability=reliability(model, noise, solution, of_surface),
@@ -238,6 +237,10 @@ def _planes_in_map(model: TrajectoryModel, state: State, Q: np.ndarray):
     return planes, J @ Q[own[:, :, None], own[:, None, :]] @ J.transpose(0, 2, 1)
 
 
-def _errors(model: TrajectoryModel, state: State, step: Step, variance) -> TrajectoryErrors:
+def _errors(model: TrajectoryModel, noise: Noise, state: State, variance) -> TrajectoryErrors:
     """Sigma of the changing part: the constants' goes with the boresight's."""
-    return TrajectoryErrors(model.nodes.time, state.correction, np.sqrt(variance.sum(axis=1)))
+    prior = np.sqrt(sum(np.square(process.sigma) for process in noise.processes))
+    return TrajectoryErrors(
+        model.nodes.time, state.correction, np.sqrt(variance.sum(axis=1)), state.constant, prior,
+        noise.constant,
+    )  # fmt: skip
