@@ -336,6 +336,8 @@ def _calibrate(options: argparse.Namespace) -> int:
     say = _say(options)
     say(f"{options.out}: {calibration_file.NAME}, {pages.NAME}")
     say("\n".join([*flight.notes, *own.remarks, *calibration_file.summary(own.result)]))
+    for sentence in calibration_file.contradictions(own):
+        say(f"  check: {sentence}")
     return 0
 
 

@@ -32,6 +32,7 @@ from paperrepro.method.adjustment.calibrate import PAPER_SCENARIOS, SCENARIO_NAM
 from paperrepro.method.adjustment.quality import TrueNoise, cramer_rao_bound
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.trajectory_equations import AXES, GaussMarkov
+from paperrepro.method.adjustment.trajectory_errors import find_noise
 from paperrepro.method.coarse_to_fine import Candidates, PlaneSurvey, find_candidates, find_roofs
 from paperrepro.method.georeference import georeference
 from paperrepro.method.tie_planes import TiePlanes
@@ -49,6 +50,8 @@ from paperrepro.study.rows import (
 )
 from paperrepro.survey import Mounting, Rays, Survey
 
+#: Points a face from which scenario D finds the noise.
+NOISE_POINTS = 150
 #: Density falls from the track outwards; this quantile of the square metres is near the track.
 CREST = 0.9
 #: Faces more inclined to each other than this would not be taken for one another.
@@ -339,7 +342,8 @@ def _add_mistaken(rows: _Rows, flown: SimulatedSurvey, factor: float) -> None:
         attitude_sigma=factor * told.attitude_sigma,
     )
     survey = replace(flown.survey, navigation=told)
-    result = rows.calibrated(name, survey, flown.found.tie_planes, "D", components=True)
+    noise = find_noise(survey, flown.found.tie_planes.thinned(NOISE_POINTS), flown.found.agreed)
+    result = rows.calibrated(name, survey, flown.found.tie_planes, "D", found=noise)
     for group, value in result.components.items() if result else ():
         rows.add(name, f"component_{group}", value)
 
