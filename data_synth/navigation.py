@@ -2,8 +2,9 @@
 
 `NAVIGATION` names them. All but two have the specification's variances at any moment, taken over
 surveys, so that the specification is honest and only the shape in time is another; ``smoother`` has
-the magnitudes that an IMU of this class gives (`data_synth.inertial`), and ``outage`` exceeds the
-specification while GNSS is lost. Six components: east, north, up m; roll, pitch, heading rad.
+the magnitudes that an IMU of this class gives (`data_synth.inertial`), which are smaller, and
+``outage`` exceeds the specification while GNSS is lost. Six components: east, north, up m; roll,
+pitch, heading rad.
 """
 
 import numpy as np

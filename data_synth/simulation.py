@@ -45,9 +45,10 @@ class Truth:
     """What a real survey never tells.
 
     ``boresight`` (3,) rad; ``range_offsets`` (16,) m, to be added to the measured ranges;
-    ``lever_arm`` (3,) m b-frame; ``trajectory`` without error, and ``motion``, the function of time
-    it samples; ``faces`` of the gable roofs; per strip ``labels`` (N,) int32, the face hit or -1,
-    and ``classes`` (N,) uint8 of `ObjectClass`; the ``scene`` and the ``lines`` as planned;
+    ``lever_arm`` (3,) m b-frame; ``trajectory`` of the scanner's body without error, with any
+    vibration that the GNSS/INS does not see, and ``motion``, the function of time it samples;
+    ``faces`` of the gable roofs; per strip ``labels`` (N,) int32, the face hit or -1, and
+    ``classes`` (N,) uint8 of `ObjectClass`; the ``scene`` and the ``lines`` as planned;
     ``scanner_errors``; the ``relief`` of surfaces that are no planes, or None.
 
     A strip's time stamps are those of the laser: the trajectory's plus

@@ -14,6 +14,8 @@ from paperrepro.method.accuracy import PairDistances, overlaps, pair_distances
 from paperrepro.method.adjustment import trajectory_errors
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES, calibrate
 from paperrepro.method.adjustment.conditions import Unknowns, face_states
+from paperrepro.method.adjustment.model_checks import Check, model_checks
+from paperrepro.method.adjustment.observability import AXIS_WORDS
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.screening import screen
 from paperrepro.method.coarse_to_fine import (
@@ -35,8 +37,8 @@ ENOUGH_GABLES = 12
 #: Strips from which on the noise of the trajectory is told from the boresight: in two lines half of
 #: the boresight and an error of either look alike.
 ENOUGH_STRIPS = 4
-#: Planes, points a face and seconds between nodes from which noise is estimated.
-NOISE_PLANES, NOISE_POINTS, NOISE_SPACING = 30, 150, 0.5
+#: Planes and points a face from which noise is estimated.
+NOISE_PLANES, NOISE_POINTS = 30, 150
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ class OwnFlight:
     ``planes``: ``gables`` or ``any``; ``result``; ``tie_planes`` faces that went into it;
     ``rejected`` faces, wrong matches of the last pass and of the adjustment; ``boresights``
     (passes + 1, 3) rad as the passes went; ``distances`` of the pairs of strips; ``remarks``, a
-    sentence each.
+    sentence each; ``checks`` of the model under which sigma hold.
     """
 
     survey: Survey
@@ -57,6 +59,7 @@ class OwnFlight:
     boresights: np.ndarray
     distances: tuple[PairDistances, ...]
     remarks: tuple[str, ...]
+    checks: tuple[Check, ...] = ()
 
 
 def calibrate_flight(
@@ -74,17 +77,41 @@ def calibrate_flight(
     kind, found, remarks = _find(survey, points, planes, progress)
     progress(f"scenario {scenario}: {found.tie_planes.n_planes} planes")
     result, tie_planes = _adjust(survey, found.tie_planes, scenario, found.boresights[-1])
-    if scenario == "D" and result.components is None:
+    if scenario == "D" and len(set(tie_planes.strips)) < ENOUGH_STRIPS:
         remarks.append(
-            f"Noise was taken as specified: {len(set(tie_planes.strips))} strips do not show it, "
-            f"{ENOUGH_STRIPS} would. Sigma holds as far as the specification does."
+            f"The trajectory's noise was taken as specified, to a factor of three: "
+            f"{len(set(tie_planes.strips))} strips do not show it, {ENOUGH_STRIPS} would."
         )
+    remarks += _constants(result)
+    checks = model_checks(result, survey, tie_planes, found.boresights[-1])
     progress(f"distances of {len(pairs)} pairs of strips")
     distances = pair_distances(points.rays, pairs, survey.mounting, result.calibrated)
     rejected = (*found.rejected, *result.rejected)
     return OwnFlight(
-        survey, kind, result, tie_planes, rejected, found.boresights, distances, tuple(remarks)
+        survey,
+        kind,
+        result,
+        tie_planes,
+        rejected,
+        found.boresights,
+        distances,
+        tuple(remarks),
+        checks,
     )
+
+
+def _constants(result: CalibrationResult) -> list[str]:
+    """What of sigma is an attitude that may be off all the time, in words."""
+    if result.trajectory is None:
+        return []
+    sigma = np.degrees(result.trajectory.constant_sigma[3:])
+    words = [f"{axis} {s:.3f}°" for axis, s in zip(AXIS_WORDS, sigma, strict=True) if s > 0]
+    if not words:
+        return []
+    return [
+        f"Sigma hold a constant error of the attitude ({', '.join(words)}), which no data tell "
+        "from the boresight: the specification allows it, the flight does not show it."
+    ]
 
 
 def _require_word(what: str, word: str, words) -> None:
@@ -132,17 +159,15 @@ def _adjust(
 ) -> tuple[CalibrationResult, TiePlanes]:
     """``scenario`` on ``tie_planes`` from ``near`` (3,) rad, and the faces that it kept; D under
     the noise in the data. What it says of before is under the survey's own mounting."""
-    factors, start = None, replace(survey, mounting=survey.mounting.with_calibration(near))
-    if scenario == "D" and len(set(tie_planes.strips)) >= ENOUGH_STRIPS:
-        factors = trajectory_errors.calibrate_with_trajectory(
-            start, _few(start, tie_planes), components=True, spacing=NOISE_SPACING, near=near
-        ).components
-        start = _with_noise(start, factors)
-    result = calibrate(start, tie_planes, scenario)
+    found, start = None, replace(survey, mounting=survey.mounting.with_calibration(near))
+    if scenario == "D":
+        enough = len(set(tie_planes.strips)) >= ENOUGH_STRIPS
+        found = trajectory_errors.find_noise(start, _few(start, tie_planes), near, enough)
+    result = calibrate(start, tie_planes, scenario, found=found)
     kept = tie_planes.subset(screen(start, tie_planes).kept) if result.rejected else tie_planes
     unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, "none")
     before = face_states(kept.rays, kept.plane_ranges, unknowns, unknowns.start()).rms
-    changed = {"mounting": survey.mounting, "rms_before": before, "components": factors}
+    changed = {"mounting": survey.mounting, "rms_before": before}
     return replace(result, **changed), kept
 
 
@@ -153,20 +178,3 @@ def _few(survey: Survey, tie_planes: TiePlanes) -> TiePlanes:
     views = np.bincount(tie_planes.plane)
     planes = choose(states.plane[:, :3], states.centroid, views, NOISE_PLANES)
     return tie_planes.subset(np.isin(tie_planes.plane, planes)).thinned(NOISE_POINTS)
-
-
-def _with_noise(survey: Survey, factors: dict[str, float]) -> Survey:
-    """``survey`` with its specifications times what the data say of them."""
-    given, scanner = survey.navigation, survey.scanner
-    navigation = replace(
-        given,
-        position_sigma=given.position_sigma * factors["position"],
-        attitude_sigma=given.attitude_sigma * factors["attitude"],
-        correlation_time=given.correlation_time * factors["correlation_time"],
-    )
-    scanner = replace(
-        scanner,
-        range_sigma=scanner.range_sigma * factors["range"],
-        angle_sigma=scanner.angle_sigma * factors["range"],
-    )
-    return replace(survey, navigation=navigation, scanner=scanner)
