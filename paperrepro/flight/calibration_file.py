@@ -12,7 +12,7 @@ import numpy as np
 from paperrepro import __version__
 from paperrepro.errors import BadInput
 from paperrepro.flight.calibrate import OwnFlight
-from paperrepro.method.accuracy import PairDistances, rms
+from paperrepro.method.accuracy import PairDistances, rmse
 from paperrepro.method.adjustment.observability import AXIS_WORDS, Observability
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.survey import Mounting
@@ -84,8 +84,8 @@ def _pair(pair: PairDistances) -> dict:
         "second": pair.second,
         "overlap": pair.overlap,
         "n_points": len(pair.before),
-        "rms_before_m": rms(pair.before),
-        "rms_after_m": rms(pair.after),
+        "rms_before_m": rmse(pair.before),
+        "rms_after_m": rmse(pair.after),
         "median_before_m": float(np.median(np.abs(pair.before))),
         "median_after_m": float(np.median(np.abs(pair.after))),
     }

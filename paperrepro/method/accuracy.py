@@ -10,7 +10,7 @@ strip is settled once, under the calibrated mounting, and the same correspondenc
 under any other. A neighbourhood that is not planar, as in a crown, takes no part.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -108,6 +108,11 @@ def rmse(distances: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(distances))))
 
 
+def nmad(values: np.ndarray) -> float:
+    """Robust spread of values (N,): their median absolute deviation, as a normal sigma."""
+    return float(1.4826 * np.median(np.abs(values - np.median(values))))
+
+
 @dataclass(frozen=True)
 class Distribution:
     """Shape of point-to-plane distances: ``mean`` and ``median`` m, ``sigma`` m, robust ``nmad`` m,
@@ -126,10 +131,10 @@ class Distribution:
     @classmethod
     def of(cls, distances: np.ndarray) -> "Distribution":
         mean, sigma, median = distances.mean(), distances.std(), np.median(distances)
-        nmad = 1.4826 * np.median(np.abs(distances - median))
         ks = _from_normal(np.sort((distances - mean) / sigma))
         shape = stats.skew(distances), stats.kurtosis(distances)
-        return cls(len(distances), *(float(v) for v in (mean, median, sigma, nmad, *shape, ks)))
+        values = (mean, median, sigma, nmad(distances), *shape, ks)
+        return cls(len(distances), *(float(value) for value in values))
 
 
 def _from_normal(standardised: np.ndarray) -> float:
@@ -313,6 +318,42 @@ def _belong(p_m: np.ndarray, q_m: np.ndarray) -> np.ndarray:
     return over & (rms <= PLANAR_M) & (width >= LEAST_WIDTH)
 
 
-def rms(distances: np.ndarray) -> float:
-    """Root mean square, m."""
-    return float(np.sqrt(np.mean(np.square(distances))))
+def median_ratio(distances: Sequence[PairDistances]) -> float | None:
+    """Median distance between the strips after, as a share of that before, of all points of all
+    pairs; None where there is no pair."""
+    if not distances:
+        return None
+    after, before = (
+        np.median(np.abs(np.concatenate([getattr(pair, when) for pair in distances])))
+        for when in ("after", "before")
+    )
+    return float(after / before)
+
+
+def ring_spread(distance_m: np.ndarray, ring: np.ndarray) -> float:
+    """Largest minus least of the rings' mean distances, m, of points (N,)."""
+    rings, number = np.unique(ring, return_inverse=True)
+    mean = np.bincount(number, distance_m) / np.bincount(number)
+    return float(np.ptp(mean)) if len(rings) else 0.0
+
+
+def ground_spread(p_m: np.ndarray, cell_m: float = 1.0, least: int = 10) -> float:
+    """Median over level cells of the standard deviation, m, of heights of ground points (N, 3) m;
+    cells of fewer than ``least`` points do not count."""
+    east, north = (np.floor(x / cell_m).astype(np.int64) for x in p_m[:, :2].T)
+    number = (east - east.min()) * (np.ptp(north) + 1) + north - north.min()
+    count = np.maximum(np.bincount(number), 1)
+    height = p_m[:, 2] - (np.bincount(number, p_m[:, 2]) / count)[number]
+    many = count >= least
+    variance = np.bincount(number, np.square(height))[many] / (count[many] - 1)
+    return float(np.median(np.sqrt(variance)))
+
+
+def density_across(
+    across_m: np.ndarray, length_m: float, half_m: float = 60.0, step_m: float = 4.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points per m² of a strip ``length_m`` long against the distance from its track: middles (K,)
+    m of bins, and densities (K,), of points ``across_m`` (N,), right positive."""
+    edges = np.arange(-half_m, half_m + 0.1, step_m)
+    density = np.histogram(across_m, edges)[0] / (step_m * length_m)
+    return 0.5 * (edges[1:] + edges[:-1]), density

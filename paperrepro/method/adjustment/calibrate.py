@@ -31,7 +31,8 @@ def calibrate(
     tie_planes : TiePlanes
         Faces seen by two strips or more, as `find_roofs` leaves them.
     scenario : str
-        ``SL`` ([11]), ``A``, ``B``, ``C`` of the paper, or ``D``, ours.
+        ``SL`` ([11]), ``A``, ``B``, ``C`` of the paper, or ``D``, ours; with the number of points
+        a face that enter, as in ``B 3`` or ``D 40``, a variant of it (`scenarios.by_name`).
     robust : bool
         Faces that miss their plane are left out first, and reported (`screening`).
     components : bool
@@ -61,25 +62,23 @@ def calibrate(
             f"{type(survey).__name__} and {type(tie_planes).__name__}; tie planes are what "
             "find_roofs(survey).tie_planes holds"
         )
-    if scenario not in SCENARIO_NAMES:
-        raise BadInput(
-            f"scenario {scenario!r}: expected one of {', '.join(SCENARIO_NAMES)}; name one of them"
-        )
+    estimator = scenarios.by_name(scenario)
     require_shared(tie_planes)
     rejected, near = (), None
     if robust:
         screening = screening or screen(survey, tie_planes)
         rejected, near = screening.rejected, screening.boresight
         tie_planes = tie_planes.subset(screening.kept) if rejected else tie_planes
-    if scenario == "D":
+    if estimator.trajectory:
+        few = tie_planes.thinned(estimator.points) if estimator.points else tie_planes
         result = trajectory_errors.calibrate_with_trajectory(
-            survey, tie_planes, components=components, near=near, lever_arm=lever_arm
+            survey, few, components=components, near=near, lever_arm=lever_arm
         )
     else:
         result = _judged(
-            survey, tie_planes, scenarios.calibrate(survey, tie_planes, scenario, near)
+            survey, tie_planes, scenarios.calibrate(survey, tie_planes, estimator, near)
         )
-    return replace(result, rejected=rejected)
+    return replace(result, scenario=scenario, rejected=rejected)
 
 
 def _judged(survey: Survey, tie_planes: TiePlanes, result: CalibrationResult) -> CalibrationResult:

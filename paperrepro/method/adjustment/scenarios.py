@@ -1,4 +1,4 @@
-"""SL, A, B, C: four estimators of the same boresight from the same matched faces.
+"""SL, A, B, C, and D: estimators of the same boresight from the same matched faces.
 
 =====  ==========================  ======================  =========================
 name   unknowns                    planes                  conditions
@@ -56,25 +56,33 @@ class Scenario:
     """An estimator by what it estimates and on what conditions.
 
     ``range_offsets`` is ``none``, ``common`` or ``per_ring``; ``free_planes``: unknowns, else taken
-    from the reference strip of each pair; ``points``: Eq. (4); ``centroids``: Eq. (5).
+    from the reference strip of each pair; ``points`` of a face that enter Eq. (4), evenly spaced,
+    or None for all; ``centroids``: Eq. (5); ``trajectory``: its errors are unknowns too.
     """
 
     name: str
     range_offsets: str
     free_planes: bool
-    points: bool
+    points: int | None
     centroids: bool
+    trajectory: bool = False
+
+    @property
+    def has_points(self) -> bool:
+        return self.points != 0
 
 
 SCENARIOS = {
     s.name: s
     for s in (
-        Scenario("SL", "none", free_planes=True, points=True, centroids=False),
-        Scenario("A", "none", free_planes=False, points=False, centroids=True),
-        Scenario("B", "per_ring", free_planes=False, points=True, centroids=True),
-        Scenario("C", "per_ring", free_planes=True, points=True, centroids=True),
+        Scenario("SL", "none", free_planes=True, points=None, centroids=False),
+        Scenario("A", "none", free_planes=False, points=0, centroids=True),
+        Scenario("B", "per_ring", free_planes=False, points=None, centroids=True),
+        Scenario("C", "per_ring", free_planes=True, points=None, centroids=True),
     )
 }
+#: Ours, `trajectory_errors`.
+D = Scenario("D", "per_ring", free_planes=True, points=None, centroids=False, trajectory=True)
 
 
 def calibrate(
@@ -87,29 +95,41 @@ def calibrate(
 
     Raises `BadInput` for an unknown scenario, `TooFewPlanes`, `RankDefect`, `NoConvergence`.
     """
-    model = _Model.prepare(survey, tie_planes, _by_name(scenario))
+    scenario = scenario if isinstance(scenario, Scenario) else by_name(scenario)
+    model = _Model.prepare(survey, tie_planes, scenario)
     x = model.unknowns.start()
     solution = model.solve(x if near is None else np.r_[near, x[3:]])
     return _result(model, solution)
 
 
-def _by_name(scenario: str | Scenario) -> Scenario:
-    if isinstance(scenario, Scenario):
-        return scenario
-    if scenario not in SCENARIOS:
+def by_name(text: str) -> Scenario:
+    """The scenario of that name; with a number of points a face behind it, as in ``B 3`` or
+    ``SL all``, and ``without offsets``, a variant of it. Raises `BadInput`."""
+    name, *words = text.split() or [""]
+    found = (SCENARIOS | {"D": D}).get(name)
+    offsets = words[-2:] != ["without", "offsets"]
+    words = words if offsets else words[:-2]
+    points = words[0] if len(words) == 1 and (words == ["all"] or words[0].isdecimal()) else None
+    if found is None or (words and points is None) or (found.free_planes and points == "0"):
         raise BadInput(
-            f"scenario {scenario!r}: expected one of {', '.join(SCENARIOS)}; name one of them"
+            f"scenario {text!r}: expected one of {', '.join(SCENARIOS)}, D, perhaps with the points "
+            "a face (B 3, SL all; those with planes as unknowns need one at least) and 'without "
+            "offsets'; name one of them"
         )
-    return SCENARIOS[scenario]
+    if points is not None:
+        found = replace(found, points=None if points == "all" else int(points))
+    if not offsets:
+        found = replace(found, range_offsets="none")
+    return replace(found, name=text)
 
 
 @dataclass(frozen=True)
 class _Model:
     """A scenario's conditions on given faces.
 
-    Condition group ``g`` is a plane (free) or a pair (reference): its points are in rows
-    ``ranges[g]``, its centroid conditions are those with ``centroid_group == g``. ``states`` gives
-    all matched faces at an ``x``, ``before`` all planes at the start.
+    Condition group ``g`` is a plane (free) or a pair (reference): its points are ``observed`` in
+    rows ``ranges[g]``, its centroid conditions are those with ``centroid_group == g``. ``states``
+    gives all matched faces at an ``x``, ``before`` all planes at the start.
     """
 
     tie_planes: TiePlanes
@@ -117,6 +137,7 @@ class _Model:
     unknowns: Unknowns
     variances: np.ndarray
     rays: PreparedRays = field(repr=False)
+    observed: PreparedRays = field(repr=False)
     states: Callable[[np.ndarray], FaceStates]
     before: FaceStates = field(repr=False)
     origin: np.ndarray
@@ -133,10 +154,12 @@ class _Model:
         planes = face_states(rays, tie_planes.plane_ranges, unknowns, x)
         require_spread(planes.plane[:, :3])
         states = last_value(lambda at: face_states(rays, tie_planes.ranges, unknowns, at))
+        few = tie_planes.thinned(scenario.points) if scenario.points else tie_planes
+        observed = PreparedRays.of(few.rays) if scenario.points else rays
         faces = np.arange(len(tie_planes.ranges))
         if scenario.free_planes:
             require_width(planes.width, [f"plane {k}" for k in range(tie_planes.n_planes)])
-            layout = planes.centroid, tie_planes.plane_ranges, faces, tie_planes.plane
+            layout = planes.centroid, few.plane_ranges, faces, tie_planes.plane
         else:
             if not len(tie_planes.pairs):
                 raise TooFewPlanes(
@@ -147,13 +170,13 @@ class _Model:
             width = states(x).width[reference]
             require_width(width, [f"face {k} of {tie_planes.strips[k]}" for k in reference])
             origin = planes.centroid[tie_planes.plane[search]]
-            layout = origin, tie_planes.ranges[search], search, np.arange(len(search))
+            layout = origin, few.ranges[search], search, np.arange(len(search))
         weight = np.r_[
             np.zeros(3), np.full(unknowns.size - 3, survey.scanner.range_offset_sigma**-2.0)
         ]
         variances = observation_variances(survey.navigation, survey.scanner)
         pseudo = PriorObservations(np.zeros(unknowns.size), weight)
-        given = tie_planes, scenario, unknowns, variances, rays, states, planes
+        given = tie_planes, scenario, unknowns, variances, rays, observed, states, planes
         return cls(*given, *layout, pseudo, tie_planes.mean_poses())
 
     def solve(self, x: np.ndarray) -> Solution:
@@ -178,10 +201,10 @@ class _Model:
     def blocks(self, x: np.ndarray, planes: np.ndarray, settled: float = SETTLED) -> PlaneNormals:
         """All conditions at ``x`` and ``planes``; ``settled`` m as `sightlines.settle` has it."""
         parts = []
-        if self.scenario.points:  # Eq. (4)
+        if self.scenario.has_points:  # Eq. (4)
             parts.append(
                 point_blocks(
-                    self.rays,
+                    self.observed,
                     self.ranges,
                     self.origin,
                     planes,
@@ -213,7 +236,7 @@ def _result(model: _Model, solution: Solution) -> CalibrationResult:
     after = model.planes(x)
     planes, Q_planes = _planes_in_map(model, solution, after)
     conditions = len(model.centroid_face) * model.scenario.centroids
-    n_points = int(np.diff(model.ranges, axis=1).sum()) * model.scenario.points
+    n_points = int(np.diff(model.ranges, axis=1).sum()) * model.scenario.has_points
     return CalibrationResult(
         scenario=model.scenario.name,
         mounting=model.unknowns.mounting,
@@ -249,7 +272,7 @@ def _planes_in_map(
     return planes, to_map @ solution.Q_planes @ to_map.transpose(0, 2, 1)
 
 
-POINT_TO_PLANE = Scenario("refinement", "none", free_planes=False, points=True, centroids=False)
+POINT_TO_PLANE = Scenario("refinement", "none", free_planes=False, points=None, centroids=False)
 
 
 def orthogonal_projection(p_m: np.ndarray, plane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

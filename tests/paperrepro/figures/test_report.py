@@ -18,9 +18,10 @@ import pytest
 from paperrepro.errors import BadInput
 from paperrepro.figures import pages
 from paperrepro.paper.artefacts import ARTEFACTS, CAPTIONS, Values, caption
+from paperrepro.paper.verdicts import COLUMNS
 from paperrepro.study.rows import SurveyKey, frame
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 FIGURES = ROOT / "figures"
 RUN = SurveyKey("mount", "quick", 1.0, 7)
 NBSP = "\u00a0"
@@ -60,7 +61,7 @@ SVG = (
 @pytest.fixture
 def folder(tmp_path):
     """A few artefacts of each kind, wide and long ones among them."""
-    pd.DataFrame(CLAIMS, columns=list(pages.LEDGER)).to_csv(tmp_path / "claims.csv", index=False)
+    pd.DataFrame(CLAIMS, columns=list(COLUMNS)).to_csv(tmp_path / "claims.csv", index=False)
     rows = [
         RUN.row("fig08", s, metric, unit, value)
         for s in ("SL", "B", "C", "D")
@@ -215,14 +216,14 @@ def test_nothing_is_loaded_from_elsewhere(page):
 
 
 def test_the_lighter_form_of_a_picture_is_embedded(folder, monkeypatch):
-    assert pages._picture(folder, "fig07")["uri"].startswith("data:image/png;")
+    assert pages._picture(folder, "fig07").uri.startswith("data:image/png;")
     light = pages._picture(folder, "fig08")
-    kind, _, data = light["uri"].partition(",")
+    kind, _, data = light.uri.partition(",")
     assert kind == "data:image/svg+xml;base64"
     assert base64.b64decode(data).decode() == SVG
-    assert (light["width"], light["height"]) == (416, 293)
+    assert (light.width, light.height) == (416, 293)
     monkeypatch.setattr(pages, "LARGEST_SVG_BYTES", 10)
-    assert pages._picture(folder, "fig08")["uri"].startswith("data:image/png;")
+    assert pages._picture(folder, "fig08").uri.startswith("data:image/png;")
 
 
 def test_the_page_is_well_formed_and_can_be_walked_by_ear(page):

@@ -7,7 +7,7 @@ import pytest
 
 from paperrepro.errors import BadInput
 from paperrepro.flight.calibrate import calibrate_flight
-from paperrepro.method.accuracy import overlaps, pair_distances, rms
+from paperrepro.method.accuracy import overlaps, pair_distances, rmse
 from paperrepro.method.coarse_to_fine import find_candidates, find_planes, sample_rays, tile_size
 
 
@@ -83,7 +83,7 @@ def test_the_distances_between_the_strips_fall_on_the_same_points(any_planes):
     assert len(any_planes.distances) == 6
     for pair in any_planes.distances:
         assert len(pair.before) == len(pair.after) > 1000
-        assert rms(pair.after) < 0.5 * rms(pair.before)
+        assert rmse(pair.after) < 0.5 * rmse(pair.before)
 
 
 def test_what_is_said_of_before_is_under_the_nominal_mounting(any_planes):
