@@ -16,7 +16,11 @@ from typing import Any
 import joblib
 from filelock import FileLock
 
+from paperrepro import API
+
 PACKAGES = ("paperrepro", "data_synth")
+#: Names that the lazy door of the package offers, in full, and their modules.
+_API = {f"paperrepro.{name}": module for name, module in API.items()}
 #: Entries not read for so long are removed when a new one is written.
 KEPT_SECONDS = 14 * 24 * 3600
 _KEY = "_cache_key"
@@ -100,16 +104,38 @@ def _version_of(modules: Iterable[str]) -> str:
 
 
 def _imports(source: bytes) -> Iterator[str]:
-    """Names of our modules that a source imports."""
-    for node in ast.walk(ast.parse(source)):
-        names = []
+    """Names of our modules that a source imports, also through the lazy names of `paperrepro`:
+    ``pr.calibrate`` is its module of `paperrepro.API`, ``pr.method.ground`` that module."""
+    tree, named = ast.parse(source), {}
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
+            for alias in node.names:
+                yield from _modules(alias.name)
+                top = alias.name.split(".")[0]
+                named[alias.asname or top] = alias.name if alias.asname else top
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        for name in names:
-            if name.split(".")[0] in PACKAGES and _is_module(name):
-                yield name
+            for alias in node.names:
+                yield from _modules(f"{node.module}.{alias.name}")
+                named[alias.asname or alias.name] = f"{node.module}.{alias.name}"
+    for node in ast.walk(tree):
+        first, _, rest = _dotted(node).partition(".")
+        if first in named:
+            yield from _modules(f"{named[first]}.{rest}")
+
+
+def _dotted(node: ast.AST) -> str:
+    """``a.b.c`` as text; empty for all else."""
+    if isinstance(node, ast.Attribute) and (before := _dotted(node.value)):
+        return f"{before}.{node.attr}"
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def _modules(name: str) -> Iterator[str]:
+    """The module of ours that holds ``name``, a module itself or something of one."""
+    if name.split(".")[0] in PACKAGES:
+        while name not in _API and not _is_module(name):
+            name = name.rpartition(".")[0]
+        yield _API.get(name, name)
 
 
 def _is_module(name: str) -> bool:

@@ -404,18 +404,18 @@ def pair_table(own: OwnFlight) -> Table:
 def plane_middles(own: OwnFlight) -> np.ndarray:
     """(G, 3) m, m-frame: the middle of all points of each plane under the calibrated mounting."""
     unknowns = Unknowns.layout(own.survey.mounting, own.survey.scanner.n_rings, "none")
-    ranges = own.matched.plane_ranges
-    return face_states(own.matched.rays, ranges, unknowns, own.result.boresight).centroid
+    ranges = own.tie_planes.plane_ranges
+    return face_states(own.tie_planes.rays, ranges, unknowns, own.result.boresight).centroid
 
 
 def plane_table(own: OwnFlight) -> Table:
     """The planes of the result: how they lie, who sees them, how well their points fit."""
-    result, matched, middle = own.result, own.matched, plane_middles(own)
+    result, tie_planes, middle = own.result, own.tie_planes, plane_middles(own)
     lines = []
     for k, plane in enumerate(result.planes):
         slope = np.degrees(np.arccos(np.clip(plane[2], -1, 1)))
         azimuth = np.degrees(np.arctan2(plane[0], plane[1])) % 360
-        seen = ", ".join(np.array(matched.strips)[matched.plane == k])
+        seen = ", ".join(np.array(tie_planes.strips)[tie_planes.plane == k])
         lines.append(
             (
                 str(k), seen, f"{result.points_per_plane[k]}", f"{slope:.1f}",

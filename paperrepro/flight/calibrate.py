@@ -25,7 +25,7 @@ from paperrepro.method.coarse_to_fine import (
     silent,
 )
 from paperrepro.method.patches import choose
-from paperrepro.method.tie_planes import MatchedFaces, Rejection
+from paperrepro.method.tie_planes import Rejection, TiePlanes
 from paperrepro.survey import Survey
 
 #: What ``planes`` may be: gables alone, patches of any kind, or gables where they suffice.
@@ -43,7 +43,7 @@ NOISE_PLANES, NOISE_POINTS, NOISE_SPACING = 30, 150, 0.5
 class OwnFlight:
     """What a calibration of a flight found.
 
-    ``planes``: ``gables`` or ``any``; ``result``; ``matched`` faces that went into it;
+    ``planes``: ``gables`` or ``any``; ``result``; ``tie_planes`` faces that went into it;
     ``rejected`` faces, wrong matches of the last pass and of the adjustment; ``boresights``
     (passes + 1, 3) rad as the passes went; ``distances`` of the pairs of strips; ``remarks``, a
     sentence each.
@@ -52,7 +52,7 @@ class OwnFlight:
     survey: Survey
     planes: str
     result: CalibrationResult
-    matched: MatchedFaces
+    tie_planes: TiePlanes
     rejected: tuple[Rejection, ...]
     boresights: np.ndarray
     distances: tuple[PairDistances, ...]
@@ -72,18 +72,18 @@ def calibrate_flight(
     samples = sample_rays(survey)
     pairs = _require_overlap(survey, samples)
     kind, found, remarks = _find(survey, planes, progress)
-    progress(f"scenario {scenario}: {found.matched.n_planes} planes")
-    result, matched = _adjust(survey, found.matched, scenario, found.boresights[-1])
+    progress(f"scenario {scenario}: {found.tie_planes.n_planes} planes")
+    result, tie_planes = _adjust(survey, found.tie_planes, scenario, found.boresights[-1])
     if scenario == "D" and result.components is None:
         remarks.append(
-            f"Noise was taken as specified: {len(set(matched.strips))} strips do not show it, "
+            f"Noise was taken as specified: {len(set(tie_planes.strips))} strips do not show it, "
             f"{ENOUGH_STRIPS} would. Sigma holds as far as the specification does."
         )
     progress(f"distances of {len(pairs)} pairs of strips")
     distances = pair_distances(samples, pairs, survey.mounting, result.calibrated)
     rejected = (*found.rejected, *result.rejected)
     return OwnFlight(
-        survey, kind, result, matched, rejected, found.boresights, distances, tuple(remarks)
+        survey, kind, result, tie_planes, rejected, found.boresights, distances, tuple(remarks)
     )
 
 
@@ -119,40 +119,40 @@ def _find(survey: Survey, planes: str, progress: Progress):
             raise
         why = f"gable roofs did not suffice ({str(error).split(';')[0]})"
     else:
-        if planes == "gables" or found.matched.n_planes >= ENOUGH_GABLES:
+        if planes == "gables" or found.tie_planes.n_planes >= ENOUGH_GABLES:
             return "gables", found, []
-        why = f"only {found.matched.n_planes} faces of gable roofs lie in two strips or more"
+        why = f"only {found.tie_planes.n_planes} faces of gable roofs lie in two strips or more"
     remark = f"Planes of any kind were used: {why}."
     progress(remark)
     return "any", find_planes(survey, progress=progress), [remark]
 
 
 def _adjust(
-    survey: Survey, matched: MatchedFaces, scenario: str, near: np.ndarray
-) -> tuple[CalibrationResult, MatchedFaces]:
-    """``scenario`` on ``matched`` from ``near`` (3,) rad, and the faces that it kept; D under the
-    noise in the data. What it says of before is under the survey's own mounting."""
+    survey: Survey, tie_planes: TiePlanes, scenario: str, near: np.ndarray
+) -> tuple[CalibrationResult, TiePlanes]:
+    """``scenario`` on ``tie_planes`` from ``near`` (3,) rad, and the faces that it kept; D under
+    the noise in the data. What it says of before is under the survey's own mounting."""
     factors, start = None, replace(survey, mounting=survey.mounting.with_calibration(near))
-    if scenario == "D" and len(set(matched.strips)) >= ENOUGH_STRIPS:
+    if scenario == "D" and len(set(tie_planes.strips)) >= ENOUGH_STRIPS:
         factors = trajectory_errors.calibrate_with_trajectory(
-            start, _few(start, matched), components=True, spacing=NOISE_SPACING, near=near
+            start, _few(start, tie_planes), components=True, spacing=NOISE_SPACING, near=near
         ).components
         start = _with_noise(start, factors)
-    result = calibrate(start, matched, scenario)
-    kept = matched.subset(screen(start, matched).kept) if result.rejected else matched
+    result = calibrate(start, tie_planes, scenario)
+    kept = tie_planes.subset(screen(start, tie_planes).kept) if result.rejected else tie_planes
     unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, "none")
     before = face_states(kept.rays, kept.plane_ranges, unknowns, unknowns.start()).rms
     changed = {"mounting": survey.mounting, "rms_before": before, "components": factors}
     return replace(result, **changed), kept
 
 
-def _few(survey: Survey, matched: MatchedFaces) -> MatchedFaces:
-    """At most `NOISE_PLANES` planes of ``matched``, that face many ways, and few points of each."""
+def _few(survey: Survey, tie_planes: TiePlanes) -> TiePlanes:
+    """At most `NOISE_PLANES` planes that face many ways, and few points of each."""
     unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, "none")
-    states = face_states(matched.rays, matched.plane_ranges, unknowns, unknowns.start())
-    views = np.bincount(matched.plane)
+    states = face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, unknowns.start())
+    views = np.bincount(tie_planes.plane)
     planes = choose(states.plane[:, :3], states.centroid, views, NOISE_PLANES)
-    return matched.subset(np.isin(matched.plane, planes)).thinned(NOISE_POINTS)
+    return tie_planes.subset(np.isin(tie_planes.plane, planes)).thinned(NOISE_POINTS)
 
 
 def _with_noise(survey: Survey, factors: dict[str, float]) -> Survey:

@@ -25,7 +25,7 @@ from paperrepro.method.coarse_to_fine import RoofSurvey
 from paperrepro.method.georeference import georeference
 from paperrepro.method.matching import MatchParameters, match
 from paperrepro.method.roofs import Face, RoofParameters, Roofs, candidates, extract, virtual_point
-from paperrepro.method.tie_planes import MatchedFaces
+from paperrepro.method.tie_planes import TiePlanes
 from paperrepro.survey import Mounting, Rays
 
 _REFERENCE = "reference"
@@ -33,7 +33,7 @@ _REFERENCE = "reference"
 
 @dataclass(frozen=True)
 class ReferencePlanes:
-    """Reference of each plane of a `MatchedFaces`: ``planes`` (G, 4) as (n, d), rows of NaN where
+    """Reference of each plane of a `TiePlanes`: ``planes`` (G, 4) as (n, d), rows of NaN where
     the reference has none."""
 
     planes: np.ndarray
@@ -75,12 +75,12 @@ def reference_planes(found: RoofSurvey, reference: Roofs) -> ReferencePlanes:
 
 
 def point_to_plane(
-    matched: MatchedFaces, mounting: Mounting, reference: ReferencePlanes
+    tie_planes: TiePlanes, mounting: Mounting, reference: ReferencePlanes
 ) -> np.ndarray:
     """Signed distances (N',), m, of all face points that have a reference, under ``mounting``."""
-    plane_of_point = np.repeat(matched.plane, np.diff(matched.ranges, axis=1)[:, 0])
+    plane_of_point = np.repeat(tie_planes.plane, np.diff(tie_planes.ranges, axis=1)[:, 0])
     kept = reference.found[plane_of_point]
-    p_m = georeference(matched.rays.take(kept), mounting)
+    p_m = georeference(tie_planes.rays.take(kept), mounting)
     plane = reference.planes[plane_of_point[kept]]
     return np.einsum("na,na->n", p_m, plane[:, :3]) - plane[:, 3]
 
@@ -135,8 +135,8 @@ class VirtualPoints:
 
 def virtual_points(found: RoofSurvey, mounting: Mounting) -> VirtualPoints:
     """Virtual points of all matched gables, from the same points as they lie under ``mounting``."""
-    matched = found.matched
-    states = _states(matched, mounting)
+    tie_planes = found.tie_planes
+    states = _states(tie_planes, mounting)
     points, gable = [], []
     for number, (left, right) in enumerate(found.gables):
         crossing = virtual_point(_face(states, left), _face(states, right))
@@ -144,9 +144,9 @@ def virtual_points(found: RoofSurvey, mounting: Mounting) -> VirtualPoints:
             points.append(crossing[0])
             gable.append(number)
     faces = found.gables[gable]
-    strips = tuple(matched.strips[left] for left, _ in faces)
+    strips = tuple(tie_planes.strips[left] for left, _ in faces)
     return VirtualPoints(
-        np.array(points).reshape(-1, 3), np.array(gable, int), strips, matched.plane[faces]
+        np.array(points).reshape(-1, 3), np.array(gable, int), strips, tie_planes.plane[faces]
     )
 
 
@@ -168,11 +168,11 @@ def vertical_offsets(points: VirtualPoints, reference: ReferencePlanes) -> np.nd
     return out
 
 
-def _states(matched: MatchedFaces, mounting: Mounting) -> FaceStates:
+def _states(tie_planes: TiePlanes, mounting: Mounting) -> FaceStates:
     """Centroids and planes of all faces under ``mounting``."""
-    n_rings = int(matched.rays.ring.max()) + 1
+    n_rings = int(tie_planes.rays.ring.max()) + 1
     unknowns = Unknowns.layout(mounting, n_rings, "none")
-    return face_states(matched.rays, matched.ranges, unknowns, unknowns.start())
+    return face_states(tie_planes.rays, tie_planes.ranges, unknowns, unknowns.start())
 
 
 def _face(states: FaceStates, number: int) -> Face:

@@ -41,7 +41,7 @@ from paperrepro.method.patches import (
     match_patches,
 )
 from paperrepro.method.roofs import RoofParameters, Roofs, candidates, extract
-from paperrepro.method.tie_planes import LEAST_PLANES, MatchedFaces, Rejection
+from paperrepro.method.tie_planes import LEAST_PLANES, Rejection, TiePlanes
 from paperrepro.survey import Mounting, Rays, Survey
 
 #: What tells an onlooker how far the work is: it is given a sentence for each step.
@@ -64,16 +64,16 @@ def settle(
 
     One pass for each of ``steps``, the last one repeated until the boresight changes by less than
     ``settled_deg``, a number or a function of what was found and the boresight. What is found is a
-    dataclass that has the faces ``matched`` and takes the ``boresights`` (passes + 1, 3) rad, as
+    dataclass that has the faces ``tie_planes`` and takes the ``boresights`` (passes + 1, 3) rad, as
     the passes went. Raises `NoConvergence`, and what the adjustment raises.
     """
     mounting, boresights = survey.mounting, [survey.mounting.boresight]
     for number in range(max_passes):
         last = number >= len(steps) - 1
         found = find(mounting, steps[-1] if last else steps[number])
-        boresights.append(_boresight(replace(survey, mounting=mounting), found.matched))
+        boresights.append(_boresight(replace(survey, mounting=mounting), found.tie_planes))
         change = np.rad2deg(np.abs(boresights[-1] - boresights[-2]))
-        words = f"{found.matched.n_planes} planes, change {change.max():.3f}°"
+        words = f"{found.tie_planes.n_planes} planes, change {change.max():.3f}°"
         progress(f"pass {number + 1}: {words}")
         limit = settled_deg(found, boresights[-1]) if callable(settled_deg) else settled_deg
         if last and (change < limit).all():
@@ -85,13 +85,13 @@ def settle(
     )
 
 
-def _boresight(survey: Survey, matched: MatchedFaces) -> np.ndarray:
+def _boresight(survey: Survey, tie_planes: TiePlanes) -> np.ndarray:
     """(3,) rad by SL, without the faces that miss their plane; where coarse planes keep SL from
     converging, that on which the faces agree."""
-    screening = screen(survey, matched)
-    matched = matched.subset(screening.kept) if screening.rejected else matched
+    screening = screen(survey, tie_planes)
+    tie_planes = tie_planes.subset(screening.kept) if screening.rejected else tie_planes
     try:
-        return scenarios.calibrate(survey, matched, "SL", screening.boresight).boresight
+        return scenarios.calibrate(survey, tie_planes, "SL", screening.boresight).boresight
     except NoConvergence:
         return screening.boresight
 
@@ -154,7 +154,7 @@ class RoofSurvey:
     """Roofs found and matched under ``mounting``.
 
     ``roofs`` by strip, whose face points index the `Candidates` of the beams used, ``in_fan``
-    (rings,); ``pairs`` and ``ties`` of the matching; ``matched`` what the adjustment takes, its
+    (rings,); ``pairs`` and ``ties`` of the matching; ``tie_planes`` what the adjustment takes, its
     faces in the order of ``keys`` (strip, face number); ``gables`` (K, 2) left and right face in
     that order; ``boresights`` (passes + 1, 3) rad, as the passes went; ``rejected`` faces of the
     last pass, wrong matches that are in ``pairs`` but not in ``ties``.
@@ -164,7 +164,7 @@ class RoofSurvey:
     roofs: dict[str, Roofs]
     pairs: tuple[FacePair, ...]
     ties: tuple[Tie, ...]
-    matched: MatchedFaces
+    tie_planes: TiePlanes
     keys: tuple[FaceKey, ...]
     gables: np.ndarray
     boresights: np.ndarray
@@ -228,13 +228,13 @@ def roofs_under(
         rays[name] = all_rays.take(in_fan[all_rays.ring]) if not in_fan.all() else all_rays
         roofs[name] = extract(georeference(rays[name], mounting), step.roofs, rng)
     matches = match(roofs, step.matching)
-    ties = tuple(tie for tie in matches.tie_planes() if len(tie) > 1)
-    matched, keys = _matched_faces(rays, roofs, ties, matches.pairs)
-    screening = screen(survey, matched)
+    ties = tuple(tie for tie in matches.connected_faces() if len(tie) > 1)
+    tie_planes, keys = _matched_faces(rays, roofs, ties, matches.pairs)
+    screening = screen(survey, tie_planes)
     if screening.rejected:
         kept = {key for key, keep in zip(keys, screening.kept, strict=True) if keep}
         ties = tuple(tie for tie in (_only(tie, kept) for tie in ties) if len(tie) > 1)
-        matched, keys = _matched_faces(rays, roofs, ties, matches.pairs)
+        tie_planes, keys = _matched_faces(rays, roofs, ties, matches.pairs)
     gables = _gables(roofs, {key: position for position, key in enumerate(keys)})
     found = np.array([mounting.boresight])
     return RoofSurvey(
@@ -242,7 +242,7 @@ def roofs_under(
         roofs,
         matches.pairs,
         ties,
-        matched,
+        tie_planes,
         keys,
         gables,
         found,
@@ -257,11 +257,11 @@ def _only(tie: Tie, kept: set[FaceKey]) -> Tie:
 
 def _matched_faces(
     rays: dict[str, Rays], roofs: dict[str, Roofs], ties: tuple[Tie, ...], pairs
-) -> tuple[MatchedFaces, tuple[FaceKey, ...]]:
+) -> tuple[TiePlanes, tuple[FaceKey, ...]]:
     """The faces of ``ties`` as the adjustment takes them, and their keys in that order."""
     keys = tuple(key for tie in ties for key in tie)
     number = {key: position for position, key in enumerate(keys)}
-    matched = MatchedFaces.build(
+    tie_planes = TiePlanes.build(
         [rays[strip].take(roofs[strip].faces[face].points) for strip, face in keys],
         [strip for strip, _ in keys],
         [[number[key] for key in tie] for tie in ties],
@@ -271,7 +271,7 @@ def _matched_faces(
             if pair.reference in number and pair.search in number
         ],
     )
-    return matched, keys
+    return tie_planes, keys
 
 
 def _gables(roofs: dict[str, Roofs], number: dict[FaceKey, int]) -> np.ndarray:
@@ -289,7 +289,7 @@ def calibrate_all(
     survey: Survey, roofs: RoofSurvey, scenarios: Iterable[str]
 ) -> dict[str, CalibrationResult]:
     """Every scenario on the same matched faces, from the survey's mounting as start."""
-    return {name: calibrate(survey, roofs.matched, name) for name in scenarios}
+    return {name: calibrate(survey, roofs.tie_planes, name) for name in scenarios}
 
 
 def refine_all(
@@ -304,7 +304,7 @@ def refine_all(
     for name, result in results.items():
         mounting = survey.mounting.with_calibration(result.boresight, result.range_offsets)
         found = roofs_under(survey, points, mounting, params.fine, params.seed)
-        refined[name] = refine(survey, found.matched, mounting)
+        refined[name] = refine(survey, found.tie_planes, mounting)
     return refined
 
 
@@ -339,13 +339,13 @@ def normal_noise_deg(tile_m: float, roughness_m: float = 0.03, independent: int 
 
 @dataclass(frozen=True)
 class PatchSurvey:
-    """Patches found and matched under ``mounting``; ``matched`` what the adjustment takes, its
-    faces in the order of ``keys``; ``rejected`` faces, wrong matches left out of ``matched``;
+    """Patches found and matched under ``mounting``; ``tie_planes`` what the adjustment takes, its
+    faces in the order of ``keys``; ``rejected`` faces, wrong matches left out of ``tie_planes``;
     ``found`` patches a strip and ``tied`` places that two strips or more show; ``boresights``
     (passes + 1, 3) rad, as the passes went."""
 
     mounting: Mounting
-    matched: MatchedFaces
+    tie_planes: TiePlanes
     keys: tuple[FaceKey, ...]
     rejected: tuple[Rejection, ...]
     found: dict[str, int]
@@ -399,15 +399,15 @@ def find_planes(survey: Survey, settled: bool = False, progress: Progress = sile
         lambda mounting, step: planes_under(survey, samples, mounting, step),
         [fine] if settled else [PatchPass.coarse(tile_m), fine],
         MAX_PASSES,
-        lambda found, x: _settled_deg(survey, found.matched, x),
+        lambda found, x: _settled_deg(survey, found.tie_planes, x),
         progress,
     )
 
 
-def _settled_deg(survey: Survey, matched: MatchedFaces, boresight: np.ndarray) -> np.ndarray:
+def _settled_deg(survey: Survey, tie_planes: TiePlanes, boresight: np.ndarray) -> np.ndarray:
     """Change (3,) deg of an angle that does not matter: small, or small against its sigma. Where a
     flight hardly determines an angle, each pass draws another one."""
-    sigma = np.rad2deg(lasting_sigma(survey, matched, boresight))
+    sigma = np.rad2deg(lasting_sigma(survey, tie_planes, boresight))
     return np.maximum(SETTLED_DEG, SETTLED_SIGMAS * sigma)
 
 
@@ -429,13 +429,13 @@ def planes_under(
             "roofs or walls, or start from a boresight closer to the truth"
         )
     chosen = _chosen(ties, patches)
-    matched, keys = _matched(rays, p_m, patches, chosen, step)
-    screening = screen(replace(survey, mounting=mounting), matched)
+    tie_planes, keys = _matched(rays, p_m, patches, chosen, step)
+    screening = screen(replace(survey, mounting=mounting), tie_planes)
     if screening.rejected:
-        keys = _surviving(matched, keys, screening.kept)
-        matched = matched.subset(screening.kept)
+        keys = _surviving(tie_planes, keys, screening.kept)
+        tie_planes = tie_planes.subset(screening.kept)
     return PatchSurvey(
-        mounting, matched, tuple(keys), screening.rejected, found, len(ties),
+        mounting, tie_planes, tuple(keys), screening.rejected, found, len(ties),
         np.array([mounting.boresight]),
     )  # fmt: skip
 
@@ -449,7 +449,7 @@ def _chosen(ties, patches: dict[str, Patches]) -> list[tuple[FaceKey, ...]]:
     return [ties[k] for k in choose(normal, centroid, views, MOST_PLANES)]
 
 
-def _matched(rays, p_m, patches, ties, step: PatchPass) -> tuple[MatchedFaces, list[FaceKey]]:
+def _matched(rays, p_m, patches, ties, step: PatchPass) -> tuple[TiePlanes, list[FaceKey]]:
     """The patches of ``ties`` as the adjustment takes them, and their keys in that order."""
     faces, keys, planes = [], [], []
     for tie in ties:
@@ -459,7 +459,7 @@ def _matched(rays, p_m, patches, ties, step: PatchPass) -> tuple[MatchedFaces, l
             keys += [key for key, _ in views]
             faces += [rays[strip].take(index) for (strip, _), index in views]
     pairs = [(a, b) for plane in planes for k, a in enumerate(plane) for b in plane[k + 1 :]]
-    return MatchedFaces.build(faces, [strip for strip, _ in keys], planes, pairs), keys
+    return TiePlanes.build(faces, [strip for strip, _ in keys], planes, pairs), keys
 
 
 def _views(tie, p_m, patches: dict[str, Patches], step: PatchPass):
@@ -480,8 +480,8 @@ def _evenly(index: np.ndarray, most: int) -> np.ndarray:
     return index[np.linspace(0, len(index) - 1, min(most, len(index))).astype(int)]
 
 
-def _surviving(matched: MatchedFaces, keys: list[FaceKey], kept: np.ndarray) -> list[FaceKey]:
-    """Keys of the faces that `MatchedFaces.subset` keeps."""
-    views = np.bincount(matched.plane[kept], minlength=matched.n_planes)
-    kept = kept & (views > 1)[matched.plane]
+def _surviving(tie_planes: TiePlanes, keys: list[FaceKey], kept: np.ndarray) -> list[FaceKey]:
+    """Keys of the faces that `TiePlanes.subset` keeps."""
+    views = np.bincount(tie_planes.plane[kept], minlength=tie_planes.n_planes)
+    kept = kept & (views > 1)[tie_planes.plane]
     return [key for key, keep in zip(keys, kept, strict=True) if keep]

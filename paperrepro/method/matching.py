@@ -56,13 +56,13 @@ class FacePair:
 
 @dataclass(frozen=True)
 class Matches:
-    """All ``pairs`` of all strips, free of contradictions: see `tie_planes`."""
+    """All ``pairs`` of all strips, free of contradictions: see `connected_faces`."""
 
     pairs: tuple[FacePair, ...]
 
-    def tie_planes(self) -> tuple[tuple[FaceKey, ...], ...]:
+    def connected_faces(self) -> tuple[tuple[FaceKey, ...], ...]:
         """The physical faces: for each its views, at most one per strip, sorted."""
-        return tie_planes(self.pairs)
+        return connected_faces(self.pairs)
 
 
 def match(roofs_by_strip: dict[str, Roofs], params: MatchParameters) -> Matches:
@@ -75,7 +75,7 @@ def match(roofs_by_strip: dict[str, Roofs], params: MatchParameters) -> Matches:
         for reference, search in combinations(roofs_by_strip, 2)
         for pair in _match_strips(roofs_by_strip, reference, search, params)
     ]
-    face = {key: number for number, tie in enumerate(tie_planes(pairs)) for key in tie}
+    face = {key: number for number, tie in enumerate(connected_faces(pairs)) for key in tie}
     consistent = tuple(p for p in pairs if face.get(p.reference, -1) == face.get(p.search, -2))
     if not consistent:
         found = ", ".join(f"{name} {len(roofs.gables)}" for name, roofs in roofs_by_strip.items())
@@ -88,7 +88,7 @@ def match(roofs_by_strip: dict[str, Roofs], params: MatchParameters) -> Matches:
     return Matches(consistent)
 
 
-def tie_planes(pairs: Iterable[FacePair]) -> tuple[tuple[FaceKey, ...], ...]:
+def connected_faces(pairs: Iterable[FacePair]) -> tuple[tuple[FaceKey, ...], ...]:
     """Connected components of ``pairs``: one physical face each, every strip at most once in it.
 
     Pairs are joined from the nearest on; one that would bring a second face of a strip into a

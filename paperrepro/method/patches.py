@@ -20,7 +20,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from paperrepro.method.cells import Thinned, thin
-from paperrepro.method.matching import FaceKey, FacePair, tie_planes
+from paperrepro.method.matching import FaceKey, FacePair, connected_faces
 from paperrepro.method.planes import GrowingParameters, grow_regions, neighbourhood
 
 #: The two coordinates in which a patch is cut, by the axis nearest to its normal: x, y, z.
@@ -222,7 +222,7 @@ def match_patches(
             FacePair((reference, int(i)), (search, int(j)), float(s), 0.0)
             for i, j, s in zip(a, b, score, strict=True)
         ]
-    return tie_planes(pairs)
+    return connected_faces(pairs)
 
 
 def _mutual_best(ours: Patches, theirs: Patches, params: PatchMatchParameters):

@@ -24,7 +24,7 @@ class Rejection:
 
 
 @dataclass(frozen=True)
-class MatchedFaces:
+class TiePlanes:
     """F faces on G planes, sorted by plane.
 
     ``rays`` of all faces one after the other, face ``f`` in rows ``ranges[f, 0]:ranges[f, 1]``;
@@ -45,7 +45,7 @@ class MatchedFaces:
         strips: list[str],
         planes: list[list[int]],
         pairs: list[tuple[int, int]],
-    ) -> "MatchedFaces":
+    ) -> "TiePlanes":
         """From ``faces`` in any order; ``planes`` lists each plane's, ``pairs`` index them too.
 
         Faces on no plane are left out; so are pairs whose faces lie on different planes.
@@ -82,7 +82,7 @@ class MatchedFaces:
         last = np.searchsorted(self.plane, np.arange(self.n_planes), side="right") - 1
         return np.column_stack([self.ranges[first, 0], self.ranges[last, 1]])
 
-    def subset(self, keep: np.ndarray) -> "MatchedFaces":
+    def subset(self, keep: np.ndarray) -> "TiePlanes":
         """Without the faces where ``keep`` (F,) is False, and the planes that one face is left of.
 
         Raises `TooFewPlanes`.
@@ -91,9 +91,9 @@ class MatchedFaces:
         planes = [list(faces) for faces in members if len(faces) > 1]
         faces = [self.rays.take(slice(first, last)) for first, last in self.ranges]
         pairs = [tuple(pair) for pair in self.pairs]
-        return MatchedFaces.build(faces, list(self.strips), planes, pairs)
+        return TiePlanes.build(faces, list(self.strips), planes, pairs)
 
-    def thinned(self, most: int) -> "MatchedFaces":
+    def thinned(self, most: int) -> "TiePlanes":
         """With at most ``most`` points a face, evenly spaced in their order."""
         index = [
             np.linspace(first, last - 1, min(most, last - first)).astype(int)
@@ -121,16 +121,16 @@ def require_spread(normals: np.ndarray, least_deg: float = 3.0) -> None:
         )
 
 
-def require_shared(matched: MatchedFaces) -> None:
+def require_shared(tie_planes: TiePlanes) -> None:
     """Raise `TooFewPlanes` where fewer than `LEAST_PLANES` planes are seen from two strips."""
-    strips = [set() for _ in range(matched.n_planes)]
-    for strip, plane in zip(matched.strips, matched.plane, strict=True):
+    strips = [set() for _ in range(tie_planes.n_planes)]
+    for strip, plane in zip(tie_planes.strips, tie_planes.plane, strict=True):
         strips[plane].add(strip)
     shared = sum(len(names) > 1 for names in strips)
     if shared < LEAST_PLANES:
         raise TooFewPlanes(
             f"expected at least {LEAST_PLANES} planes that two strips or more see, got {shared} of "
-            f"{matched.n_planes}; a single strip calibrates nothing: add strips that overlap"
+            f"{tie_planes.n_planes}; a single strip calibrates nothing: add strips that overlap"
         )
 
 

@@ -38,7 +38,7 @@ from paperrepro.method.coarse_to_fine import (
     refine_all,
 )
 from paperrepro.method.georeference import georeference
-from paperrepro.method.tie_planes import MatchedFaces
+from paperrepro.method.tie_planes import TiePlanes
 from paperrepro.study.rows import ANGLES, Run
 from paperrepro.survey import Mounting, Rays, Survey
 
@@ -94,12 +94,12 @@ def _in_laser_frame(rays: Rays) -> np.ndarray:
 
 def matching_rows(run: Run, known: Known, points: Candidates, found: RoofSurvey) -> list[dict]:
     label, _ = known.judge(found.views(points))
-    one, other = label[found.matched.pairs].T
+    one, other = label[found.tie_planes.pairs].T
     return [
-        run.row(ARTEFACT, "all", "planes", "1", found.matched.n_planes),
+        run.row(ARTEFACT, "all", "planes", "1", found.tie_planes.n_planes),
         run.row(ARTEFACT, "all", "pairs", "1", len(one)),
         run.row(ARTEFACT, "all", "views", "1", len(label)),
-        run.row(ARTEFACT, "all", "points", "1", len(found.matched.rays)),
+        run.row(ARTEFACT, "all", "points", "1", len(found.tie_planes.rays)),
         run.row(ARTEFACT, "all", "false_pairs", "1", ((one != other) | (one < 0)).sum()),
         run.row(ARTEFACT, "all", "rejected", "1", len(found.rejected)),
     ]
@@ -129,7 +129,7 @@ def bound_rows(run: Run, known: Known, survey: Survey, found: RoofSurvey) -> lis
     """The Cramer-Rao bound of each angle, as a standard deviation."""
     if known.noise is None:
         return []
-    bound = cramer_rao_bound(survey, found.matched, known.mounting, known.noise)
+    bound = cramer_rao_bound(survey, found.tie_planes, known.mounting, known.noise)
     return [
         run.row(ARTEFACT, BOUND, f"bound_{angle}", "deg", np.rad2deg(sigma))
         for angle, sigma in zip(ANGLES, np.sqrt(np.diag(bound)), strict=True)
@@ -142,14 +142,14 @@ def accuracy_rows(
 ) -> list[dict]:  # fmt: skip
     """RMSE, distributions and vertical offsets of every mounting, by truth and by the reference."""
     _, planes = known.judge(found.views(points))
-    first = np.searchsorted(found.matched.plane, np.arange(found.matched.n_planes))
+    first = np.searchsorted(found.tie_planes.plane, np.arange(found.tie_planes.n_planes))
     references = {"truth": ReferencePlanes(planes[first])}
     references["reference"] = reference_planes(found, reference_roofs(survey.reference))
     rows = []
     for name, mounting in mountings.items():
         corners = virtual_points(found, mounting)
         for against, reference in references.items():
-            distances = point_to_plane(found.matched, mounting, reference)
+            distances = point_to_plane(found.tie_planes, mounting, reference)
             shape = Distribution.of(distances)
             offsets = np.abs(vertical_offsets(corners, reference))
             offsets = offsets[np.isfinite(offsets)]
@@ -171,40 +171,40 @@ def accuracy_rows(
 MOST_BETWEEN_DEG = 10.0
 
 
-def with_wrong_match(matched: MatchedFaces, mounting: Mounting) -> MatchedFaces:
-    """``matched`` with the likeliest mistake: of all faces that could be taken for a view of
+def with_wrong_match(tie_planes: TiePlanes, mounting: Mounting) -> TiePlanes:
+    """``tie_planes`` with the likeliest mistake: of all faces that could be taken for a view of
     another plane, alike inclined and unseen there by their strip, the one nearest to its centroid.
 
     Only faces of planes with at least three views move, so no plane is lost. Raises `TooFewPlanes`
     where no such face exists.
     """
-    face, plane = _likeliest(matched, mounting)
-    planes = [list(np.flatnonzero(matched.plane == g)) for g in range(matched.n_planes)]
-    planes[matched.plane[face]].remove(face)
-    pairs = [tuple(pair) for pair in matched.pairs if face not in pair]
+    face, plane = _likeliest(tie_planes, mounting)
+    planes = [list(np.flatnonzero(tie_planes.plane == g)) for g in range(tie_planes.n_planes)]
+    planes[tie_planes.plane[face]].remove(face)
+    pairs = [tuple(pair) for pair in tie_planes.pairs if face not in pair]
     pairs += [(other, face) for other in planes[plane]]
     planes[plane].append(face)
-    rays = [matched.rays.take(slice(first, last)) for first, last in matched.ranges]
-    return MatchedFaces.build(rays, list(matched.strips), planes, pairs)
+    rays = [tie_planes.rays.take(slice(first, last)) for first, last in tie_planes.ranges]
+    return TiePlanes.build(rays, list(tie_planes.strips), planes, pairs)
 
 
-def _likeliest(matched: MatchedFaces, mounting: Mounting) -> tuple[int, int]:
+def _likeliest(tie_planes: TiePlanes, mounting: Mounting) -> tuple[int, int]:
     """The face to be moved, and the plane that it is moved to."""
-    unknowns = Unknowns.layout(mounting, int(matched.rays.ring.max()) + 1, "none")
-    faces = face_states(matched.rays, matched.ranges, unknowns, unknowns.start())
-    planes = face_states(matched.rays, matched.plane_ranges, unknowns, unknowns.start())
+    unknowns = Unknowns.layout(mounting, int(tie_planes.rays.ring.max()) + 1, "none")
+    faces = face_states(tie_planes.rays, tie_planes.ranges, unknowns, unknowns.start())
+    planes = face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, unknowns.start())
     away = np.linalg.norm(faces.centroid[:, None] - planes.centroid[None], axis=2)
     alike = np.abs(faces.plane[:, :3] @ planes.plane[:, :3].T)
     away[alike < np.cos(np.deg2rad(MOST_BETWEEN_DEG))] = np.inf
-    away[np.bincount(matched.plane)[matched.plane] < 3] = np.inf
-    for face, strip in enumerate(matched.strips):
-        seen = [p for p, s in zip(matched.plane, matched.strips, strict=True) if s == strip]
+    away[np.bincount(tie_planes.plane)[tie_planes.plane] < 3] = np.inf
+    for face, strip in enumerate(tie_planes.strips):
+        seen = [p for p, s in zip(tie_planes.plane, tie_planes.strips, strict=True) if s == strip]
         away[face, seen] = np.inf
     if not np.isfinite(away).any():
         raise TooFewPlanes(
             "expected two planes alike within "
             f"{MOST_BETWEEN_DEG:g} deg of which a strip sees only one, got none among "
-            f"{matched.n_planes}; fly over more roofs"
+            f"{tie_planes.n_planes}; fly over more roofs"
         )
     face, plane = np.unravel_index(away.argmin(), away.shape)
     return int(face), int(plane)
@@ -278,7 +278,7 @@ def _calibrated(
 ) -> dict[str, CalibrationResult]:
     results = {}
     for name in scenarios:
-        result = _attempt(rows, run, name, calibrate, survey, found.matched, name)
+        result = _attempt(rows, run, name, calibrate, survey, found.tie_planes, name)
         if result is not None:
             rows += angle_rows(run, name, result, truth)
             results[name] = result
@@ -314,7 +314,7 @@ def _mistaken_rows(
             attitude_sigma=factor * told.attitude_sigma,
         )
         result = _attempt(
-            rows, run, name, calibrate, replace(survey, navigation=told), found.matched, "D",
+            rows, run, name, calibrate, replace(survey, navigation=told), found.tie_planes, "D",
             components=True,
         )  # fmt: skip
         if result is not None:
@@ -331,7 +331,7 @@ def _lever_arm_rows(run: Run, known: Known, survey: Survey, found: RoofSurvey) -
     rows: list[dict] = []
     told = replace(survey.mounting, lever_arm=survey.mounting.lever_arm + WRONG_LEVER_ARM)
     result = _attempt(
-        rows, run, LEVER_ARM, calibrate, replace(survey, mounting=told), found.matched, "D",
+        rows, run, LEVER_ARM, calibrate, replace(survey, mounting=told), found.tie_planes, "D",
         lever_arm=True,
     )  # fmt: skip
     if result is not None:
@@ -361,12 +361,14 @@ def _wrong_match_rows(
 ) -> list[dict]:
     """Errors with one wrong match: taken as it is, and screened."""
     rows: list[dict] = []
-    matched = _attempt(rows, run, "all" + WRONG, with_wrong_match, found.matched, found.mounting)
-    for name in scenarios if matched is not None else ():
+    tie_planes = _attempt(
+        rows, run, "all" + WRONG, with_wrong_match, found.tie_planes, found.mounting
+    )
+    for name in scenarios if tie_planes is not None else ():
         for ending, robust in {WRONG: False, SCREENED: True}.items():
             if name in PAPER_SCENARIOS:
                 result = _attempt(
-                    rows, run, name + ending, calibrate, survey, matched, name, robust
+                    rows, run, name + ending, calibrate, survey, tie_planes, name, robust
                 )
                 rows += angle_rows(run, name + ending, result, truth) if result else []
     return rows

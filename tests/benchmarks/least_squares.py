@@ -11,7 +11,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.sparse import csr_matrix
 
 from paperrepro.method.adjustment.scenarios import SCENARIOS
-from paperrepro.method.tie_planes import MatchedFaces
+from paperrepro.method.tie_planes import TiePlanes
 from paperrepro.survey import Survey
 from tests.benchmarks.peers import attitudes
 from tests.paperrepro.method.adjustment.dense import Problem, turn
@@ -29,11 +29,11 @@ class Conditions:
     sigma: np.ndarray
 
 
-def solve(survey: Survey, matched: MatchedFaces, name: str, at: np.ndarray) -> OptimizeResult:
+def solve(survey: Survey, tie_planes: TiePlanes, name: str, at: np.ndarray) -> OptimizeResult:
     """Adjust by SciPy, from the survey's mounting. The weights of centroids are those at ``at``
     (u,), the solution: the estimators hold a condition's variance while they differentiate."""
     scenario = SCENARIOS[name]
-    problem = Problem.of(survey, matched, scenario.range_offsets)
+    problem = Problem.of(survey, tie_planes, scenario.range_offsets)
     start = np.r_[survey.mounting.boresight, np.zeros(problem.size - 3)]
     tight = {"xtol": 1e-11, "ftol": 1e-13, "gtol": None, "max_nfev": 40}
     if not scenario.free_planes:
@@ -41,8 +41,8 @@ def solve(survey: Survey, matched: MatchedFaces, name: str, at: np.ndarray) -> O
         return least_squares(lambda x: _residuals(problem, conditions, x, _pair_planes(problem, x)),
                              start, **tight)  # fmt: skip
     conditions = _of_planes(problem, scenario, at)
-    first = _fitted(problem.points(start), matched.plane_ranges)
-    origin = _centroids(problem.points(start), matched.plane_ranges)
+    first = _fitted(problem.points(start), tie_planes.plane_ranges)
+    origin = _centroids(problem.points(start), tie_planes.plane_ranges)
     axes = np.argsort(-np.abs(first[:, :3]), axis=1)  # of the normal, the greatest component first
     n = np.take_along_axis(first[:, :3], axes, axis=1)
     free = np.column_stack([n[:, 1:] / n[:, :1], np.zeros(len(n))])
@@ -81,22 +81,22 @@ def _fitted(p: np.ndarray, ranges: np.ndarray) -> np.ndarray:
 
 def _pair_planes(problem: Problem, x) -> np.ndarray:
     """Plane (P, 4) of each pair's reference face under ``x``."""
-    return _fitted(problem.points(x), problem.matched.ranges)[problem.matched.pairs[:, 0]]
+    return _fitted(problem.points(x), problem.tie_planes.ranges)[problem.tie_planes.pairs[:, 0]]
 
 
 def _of_planes(problem: Problem, scenario, at) -> Conditions:
-    matched, rows = problem.matched, np.arange(len(problem.obs))
-    faces = np.arange(len(matched.ranges) * scenario.centroids)
-    of_face = matched.plane[faces]
-    planes = _fitted(problem.points(at), matched.plane_ranges)
+    tie_planes, rows = problem.tie_planes, np.arange(len(problem.obs))
+    faces = np.arange(len(tie_planes.ranges) * scenario.centroids)
+    of_face = tie_planes.plane[faces]
+    planes = _fitted(problem.points(at), tie_planes.plane_ranges)
     sigma = _centroid_sigma(problem, at, planes[of_face], faces)
     return Conditions(rows, problem.plane, faces, of_face, sigma)
 
 
 def _of_pairs(problem: Problem, scenario, at) -> Conditions:
-    reference, search = problem.matched.pairs.T
-    lengths = np.diff(problem.matched.ranges, axis=1)[search, 0] * scenario.points
-    first = problem.matched.ranges[search, 0]
+    reference, search = problem.tie_planes.pairs.T
+    lengths = np.diff(problem.tie_planes.ranges, axis=1)[search, 0] * scenario.points
+    first = problem.tie_planes.ranges[search, 0]
     row = np.repeat(first - np.r_[0, np.cumsum(lengths)[:-1]], lengths) + np.arange(lengths.sum())
     planes = _pair_planes(problem, at)
     sigma = np.hypot(*(_centroid_sigma(problem, at, planes, f) for f in (search, reference)))
@@ -120,7 +120,7 @@ def _residuals(problem: Problem, conditions: Conditions, x, planes) -> np.ndarra
         parts.append(_on_planes(problem, x, conditions.row, planes[conditions.of_row]))
     if len(conditions.face):
         each = planes[conditions.of_face]
-        centroid = _centroids(problem.points(x), problem.matched.ranges)
+        centroid = _centroids(problem.points(x), problem.tie_planes.ranges)
         w = np.einsum("la,la->l", each[:, :3], centroid[conditions.face]) - each[:, 3]
         parts.append(w / conditions.sigma)
     return np.concatenate(parts)

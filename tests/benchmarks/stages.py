@@ -83,35 +83,35 @@ def roofs(inputs: Inputs) -> Iterator[Row]:
     yield row("roofs", inputs.every, len(inputs.objects), ours)
     found = inputs.found
     (ours,) = timed(lambda: match(found.roofs, MatchParameters.fine()))
-    yield row("matching", inputs.every, len(found.matched.rays), ours)
+    yield row("matching", inputs.every, len(found.tie_planes.rays), ours)
 
 
 def adjustments(inputs: Inputs, with_peers: bool) -> Iterator[Row]:
     """SL, A, B, C and the refinement on all roof points; beside SciPy where it has the time."""
-    survey, matched = inputs.survey, inputs.found.matched
+    survey, tie_planes = inputs.survey, inputs.found.tie_planes
     for name in SCENARIOS:
-        result = calibrate(survey, matched, name)
+        result = calibrate(survey, tie_planes, name)
         offsets = () if result.range_offsets is None else result.range_offsets
         x = np.r_[result.boresight, offsets]
         calls = [
-            lambda name=name: calibrate(survey, matched, name),
-            lambda name=name, x=x: least_squares.solve(survey, matched, name, x),
+            lambda name=name: calibrate(survey, tie_planes, name),
+            lambda name=name, x=x: least_squares.solve(survey, tie_planes, name, x),
         ]
         ours, *theirs = timed(*calls[: 1 + with_peers])
         peer = ()
         if with_peers:
             away = float(np.abs(theirs[0].result.x[:3] - result.boresight).max())
             peer = "SciPy", theirs[0], "greatest difference, rad", away
-        yield row(name, inputs.every, len(matched.rays), ours, *peer)
+        yield row(name, inputs.every, len(tie_planes.rays), ours, *peer)
     mounting = survey.mounting.with_calibration(result.boresight, result.range_offsets)
-    (ours,) = timed(lambda: refine(survey, matched, mounting))
-    yield row("refinement", inputs.every, len(matched.rays), ours)
+    (ours,) = timed(lambda: refine(survey, tie_planes, mounting))
+    yield row("refinement", inputs.every, len(tie_planes.rays), ours)
 
 
 def longer_flights(inputs: Inputs) -> Iterator[Row]:
     """Scenario D on the same flight once, twice and four times over."""
-    near = calibrate(inputs.survey, inputs.found.matched, "SL").boresight
+    near = calibrate(inputs.survey, inputs.found.tie_planes, "SL").boresight
     for times in (1, 2, 4):
-        longer = flight_time.repeated(inputs.survey, inputs.found.matched, times)
+        longer = flight_time.repeated(inputs.survey, inputs.found.tie_planes, times)
         (ours,) = timed(lambda longer=longer: flight_time.solve(*longer, near))
         yield row(f"D, {times} x", inputs.every, len(longer[1].rays), ours)

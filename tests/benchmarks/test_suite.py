@@ -17,12 +17,12 @@ from tests.paperrepro.labelled import matched_faces, survey_of, with_noise
 
 @pytest.mark.parametrize("name", ["SL", "A", "B", "C"])
 def test_scipy_has_the_same_answer(name):
-    matched, _, _ = matched_faces(n_roofs=3, count=40)
-    matched = with_noise(matched, np.random.default_rng(4))
+    tie_planes, _, _ = matched_faces(n_roofs=3, count=40)
+    tie_planes = with_noise(tie_planes, np.random.default_rng(4))
     survey = survey_of()
-    ours = calibrate(survey, matched, name)
+    ours = calibrate(survey, tie_planes, name)
     x = np.r_[ours.boresight, () if ours.range_offsets is None else ours.range_offsets]
-    theirs = least_squares.solve(survey, matched, name, x).x[: len(x)]
+    theirs = least_squares.solve(survey, tie_planes, name, x).x[: len(x)]
     np.testing.assert_allclose(theirs[:3], x[:3], rtol=0, atol=1e-8)
     # Differences of 1e-8 leave a common offset, which the data hardly see, loose by a micrometre.
     np.testing.assert_allclose(theirs[3:], x[3:], rtol=0, atol=1e-6)
@@ -47,16 +47,16 @@ def test_open3d_removes_the_same_points(strip):
 
 
 def test_a_longer_flight_repeats_every_view():
-    matched, _, _ = matched_faces(n_roofs=2, count=20)
-    time = np.linspace(0.0, 1.0, len(matched.rays))
-    matched = type(matched)(
-        type(matched.rays)(*matched.rays._columns(), time),
-        matched.ranges, matched.strips, matched.plane, matched.pairs,
+    tie_planes, _, _ = matched_faces(n_roofs=2, count=20)
+    time = np.linspace(0.0, 1.0, len(tie_planes.rays))
+    tie_planes = type(tie_planes)(
+        type(tie_planes.rays)(*tie_planes.rays._columns(), time),
+        tie_planes.ranges, tie_planes.strips, tie_planes.plane, tie_planes.pairs,
     )  # fmt: skip
-    survey, longer = flight_time.repeated(survey_of(), matched, 3)
-    assert len(longer.rays) == 3 * len(matched.rays)
-    np.testing.assert_array_equal(np.bincount(longer.plane), 3 * np.bincount(matched.plane))
-    assert len(longer.pairs) == 3 * len(matched.pairs)
+    survey, longer = flight_time.repeated(survey_of(), tie_planes, 3)
+    assert len(longer.rays) == 3 * len(tie_planes.rays)
+    np.testing.assert_array_equal(np.bincount(longer.plane), 3 * np.bincount(tie_planes.plane))
+    assert len(longer.pairs) == 3 * len(tie_planes.pairs)
     assert survey.trajectory.time[-1] >= longer.rays.time.max()
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from paperrepro.method.adjustment.conditions import observation_variances
 from paperrepro.method.georeference import georeference
-from paperrepro.method.tie_planes import MatchedFaces
+from paperrepro.method.tie_planes import TiePlanes
 from paperrepro.survey import Mounting, Navigation, Rays, Scanner, Survey, Trajectory
 
 SCANNER = Scanner("test", np.deg2rad(np.linspace(-10, 10, 16)), 0.02, np.deg2rad(0.01))
@@ -74,7 +74,7 @@ def matched_faces(
     seed=0, boresight_deg=BORESIGHT_DEG, offsets=None, count=120, n_roofs=6,
     headings=HEADINGS_DEG, gusts=True, azimuth_deg=None,
 ):  # fmt: skip
-    """`MatchedFaces` without noise, and the true `Mounting` and planes (2 n_roofs, 4)."""
+    """`TiePlanes` without noise, and the true `Mounting` and planes (2 n_roofs, 4)."""
     rng = np.random.default_rng(seed)
     truth = Mounting(
         lever_arm=LEVER_ARM, boresight=np.deg2rad(boresight_deg), range_offsets=offsets
@@ -88,13 +88,13 @@ def matched_faces(
             faces.append(rays_on_plane(rng, plane, centre, heading, truth, count, side, gusts))
             strips.append(f"F{k + 1}")
     pairs = [(a, b) for tie in ties for i, a in enumerate(tie) for b in tie[i + 1 :]]
-    return MatchedFaces.build(faces, strips, ties, pairs), truth, planes
+    return TiePlanes.build(faces, strips, ties, pairs), truth, planes
 
 
-def with_noise(matched, rng, scale=1.0):
-    """``matched`` with white noise of ``scale`` times the specification on all observations."""
+def with_noise(tie_planes, rng, scale=1.0):
+    """``tie_planes`` with white noise of ``scale`` times the specification on all observations."""
     sigma = scale * np.sqrt(observation_variances(NAVIGATION, SCANNER))
-    rays, e = matched.rays, sigma * rng.standard_normal((len(matched.rays), 9))
+    rays, e = tie_planes.rays, sigma * rng.standard_normal((len(tie_planes.rays), 9))
     noisy = replace(
         rays,
         pose=rays.pose + e[:, :6],
@@ -102,13 +102,13 @@ def with_noise(matched, rng, scale=1.0):
         azimuth=rays.azimuth + e[:, 7],
         elevation=rays.elevation + e[:, 8],
     )
-    return replace(matched, rays=noisy)
+    return replace(tie_planes, rays=noisy)
 
 
-def with_offsets(matched, offsets):
-    """``matched`` as a scanner of these range offsets (rings,) m, so far zero, would measure it."""
-    rho = matched.rays.rho - np.asarray(offsets)[matched.rays.ring]
-    return replace(matched, rays=replace(matched.rays, rho=rho))
+def with_offsets(tie_planes, offsets):
+    """``tie_planes`` as a scanner of these range offsets (rings,) m, so far zero, measures."""
+    rho = tie_planes.rays.rho - np.asarray(offsets)[tie_planes.rays.ring]
+    return replace(tie_planes, rays=replace(tie_planes.rays, rho=rho))
 
 
 def scaled(k):

@@ -7,9 +7,10 @@ import time
 import numpy as np
 import pytest
 
+import paperrepro
 from data_synth import make_config, simulate
 from paperrepro import _cache
-from paperrepro._cache import cached, code_version
+from paperrepro._cache import cached, code_version, code_version_of
 from paperrepro.survey import Trajectory
 
 CALLS = "calls.log"
@@ -117,6 +118,39 @@ def test_code_version_follows_imports(tmp_path, monkeypatch):
     code_version.cache_clear()
     assert versions[0] != versions[1]
     assert versions[1] == versions[2]
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "import paperrepro as pr\nresult = pr.calibrate(survey, planes, 'D').boresight",
+        "import paperrepro\npaperrepro.calibrate",
+        "from paperrepro import calibrate as adjust",
+        "import paperrepro as pr\npr.method.adjustment.calibrate.SCENARIO_NAMES",
+        "from paperrepro import method\nmethod.adjustment.calibrate.calibrate(survey)",
+    ],
+)
+def test_the_lazy_door_hides_no_module(source):
+    reached = set(_cache._imports(source.encode()))
+    assert "paperrepro.method.adjustment.calibrate" in reached
+    assert "paperrepro.paper.reproduce" not in reached
+
+
+def test_a_change_behind_a_public_name_changes_the_key(monkeypatch):
+    """Every name of the door: the file that it comes from is part of what it is keyed by."""
+    read = _cache.Path.read_bytes
+    for name, module in paperrepro.API.items():
+        source = f"import paperrepro as pr\npr.{name}"
+        before = code_version_of(source)
+        origin = _cache.Path(_cache.importlib.util.find_spec(module).origin)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(
+                _cache.Path, "read_bytes",
+                lambda path, origin=origin: read(path) + b"# changed\n" * (path == origin),
+            )  # fmt: skip
+            assert code_version_of(source) != before, name
+        assert code_version_of(source) == before
 
 
 def test_the_simulator_is_keyed_by_frames_but_not_by_the_method():

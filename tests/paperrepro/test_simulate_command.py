@@ -26,7 +26,7 @@ def boresight_of(folder):
         sorted(folder.glob("*.laz")), folder / "mission.sbet", folder / "mounting.toml"
     )
     found = find_roofs(flight.survey, find_candidates(flight.survey))
-    return np.degrees(calibrate(flight.survey, found.matched, "SL").boresight), flight
+    return np.degrees(calibrate(flight.survey, found.tie_planes, "SL").boresight), flight
 
 
 @pytest.mark.slow

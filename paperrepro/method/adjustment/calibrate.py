@@ -6,7 +6,7 @@ from paperrepro.errors import BadInput
 from paperrepro.method.adjustment import scenarios, trajectory_errors
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.screening import screen
-from paperrepro.method.tie_planes import MatchedFaces, require_shared
+from paperrepro.method.tie_planes import TiePlanes, require_shared
 from paperrepro.survey import Survey
 
 PAPER_SCENARIOS = tuple(scenarios.SCENARIOS)
@@ -15,7 +15,7 @@ SCENARIO_NAMES = (*PAPER_SCENARIOS, "D")
 
 def calibrate(
     survey: Survey,
-    matched: MatchedFaces,
+    tie_planes: TiePlanes,
     scenario: str,
     robust: bool = True,
     components: bool = False,
@@ -33,26 +33,28 @@ def calibrate(
         raise BadInput(
             f"scenario {scenario!r}: expected one of {', '.join(SCENARIO_NAMES)}; name one of them"
         )
-    require_shared(matched)
+    require_shared(tie_planes)
     rejected, near = (), None
     if robust:
-        screening = screen(survey, matched)
+        screening = screen(survey, tie_planes)
         rejected, near = screening.rejected, screening.boresight
-        matched = matched.subset(screening.kept) if rejected else matched
+        tie_planes = tie_planes.subset(screening.kept) if rejected else tie_planes
     if scenario == "D":
         result = trajectory_errors.calibrate_with_trajectory(
-            survey, matched, components=components, near=near, lever_arm=lever_arm
+            survey, tie_planes, components=components, near=near, lever_arm=lever_arm
         )
     else:
-        result = _judged(survey, matched, scenarios.calibrate(survey, matched, scenario, near))
+        result = _judged(
+            survey, tie_planes, scenarios.calibrate(survey, tie_planes, scenario, near)
+        )
     return replace(result, rejected=rejected)
 
 
-def _judged(survey: Survey, matched: MatchedFaces, result: CalibrationResult) -> CalibrationResult:
+def _judged(survey: Survey, tie_planes: TiePlanes, result: CalibrationResult) -> CalibrationResult:
     """With what its flight determines once errors of the trajectory last: the formal sigma of the
     paper's scenarios do not tell."""
-    if matched.rays.time is None:
+    if tie_planes.rays.time is None:
         return result
-    lasting = trajectory_errors.lasting_sigma(survey, matched, result.boresight)
+    lasting = trajectory_errors.lasting_sigma(survey, tie_planes, result.boresight)
     seen = result.observability.under(lasting, survey.navigation.attitude_sigma)
     return replace(result, observability=seen)

@@ -6,7 +6,7 @@ the unknowns ``x`` (boresight and range offsets), the plane ``pi = (n, d)`` and 
 linearised at its adjusted observations: for given ``x`` and ``pi`` the residuals ``v`` that bring
 it onto the plane at least cost are found first (Skaloud and Lichti 2006, section 3).
 
-Blocks are summed plane by plane, so the result does not depend on the number of threads.
+PlaneNormals are summed plane by plane, so the result does not depend on the number of threads.
 
 Rays with the sines and cosines of their angles, and what the estimators' kernels ask of one.
 
@@ -78,7 +78,7 @@ class Iterations:
 
 
 @dataclass(frozen=True)
-class Sightlines:
+class PreparedRays:
     """``position`` (N, 3) m m-frame, ``turns`` (N, 10) sine and cosine of roll, pitch, heading,
     azimuth, elevation, ``rho`` (N,) m measured range, ``ring`` (N,)."""
 
@@ -88,9 +88,9 @@ class Sightlines:
     ring: np.ndarray
 
     @classmethod
-    def of(cls, rays: "Rays | Sightlines") -> "Sightlines":
+    def of(cls, rays: "Rays | PreparedRays") -> "PreparedRays":
         """Of rays; what is prepared already is handed back."""
-        if isinstance(rays, Sightlines):
+        if isinstance(rays, PreparedRays):
             return rays
         turns = np.empty((len(rays), 10))
         over_threads(fill_turns, len(rays), rays.pose, rays.azimuth, rays.elevation, turns)
@@ -168,7 +168,7 @@ def observation_variances(navigation: Navigation, scanner: Scanner) -> np.ndarra
 
 
 @dataclass(frozen=True)
-class Blocks:
+class PlaneNormals:
     """Normal equations before any elimination, a block per plane.
 
     ``N`` (G, u + 4, u + 4) and ``t`` (G, u + 4): the unknowns first, then n and d; ``chi2`` (G,)
@@ -180,14 +180,14 @@ class Blocks:
     chi2: np.ndarray
     count: np.ndarray
 
-    def __add__(self, other: "Blocks") -> "Blocks":
-        return Blocks(
+    def __add__(self, other: "PlaneNormals") -> "PlaneNormals":
+        return PlaneNormals(
             self.N + other.N, self.t + other.t, self.chi2 + other.chi2, self.count + other.count
         )
 
 
 def point_blocks(
-    rays: Rays | Sightlines,
+    rays: Rays | PreparedRays,
     ranges: np.ndarray,
     origin: np.ndarray,
     planes: np.ndarray,
@@ -195,8 +195,8 @@ def point_blocks(
     x: np.ndarray,
     variances: np.ndarray,
     settled: float = SETTLED,
-) -> Blocks:
-    """Blocks of Eq. (4) for points ``ranges[g, 0]:ranges[g, 1]`` on plane ``g``.
+) -> PlaneNormals:
+    """Normal equations of Eq. (4) for points ``ranges[g, 0]:ranges[g, 1]`` on plane ``g``.
 
     ``planes`` (G, 4) holds (n, d) with d reckoned from ``origin`` (G, 3), ``variances`` (9,);
     ``settled`` m as `sightlines.settle` has it.
@@ -205,11 +205,19 @@ def point_blocks(
     N, t, chi2 = np.zeros((n_planes, size, size)), np.zeros((n_planes, size)), np.zeros(n_planes)
     R_l_b, dR_l_b, *mounted = unknowns.kernel_arguments(x)
     turned = R_l_b, axes(R_l_b, dR_l_b), *mounted
-    arguments = *Sightlines.of(rays).columns(), ranges, origin, planes, *turned, variances, settled
+    arguments = (
+        *PreparedRays.of(rays).columns(),
+        ranges,
+        origin,
+        planes,
+        *turned,
+        variances,
+        settled,
+    )
     over_threads(sum_points, n_planes, *arguments, N, t, chi2, least=1)
     lower = np.tril_indices(size, -1)
     N[:, lower[0], lower[1]] = N[:, lower[1], lower[0]]
-    return Blocks(N, t, chi2, ranges[:, 1] - ranges[:, 0])
+    return PlaneNormals(N, t, chi2, ranges[:, 1] - ranges[:, 0])
 
 
 @dataclass(frozen=True)
@@ -231,7 +239,7 @@ class FaceStates:
 
 
 def face_states(
-    rays: Rays | Sightlines, ranges: np.ndarray, unknowns: Unknowns, x: np.ndarray
+    rays: Rays | PreparedRays, ranges: np.ndarray, unknowns: Unknowns, x: np.ndarray
 ) -> FaceStates:
     """`FaceStates` of faces whose points are ``ranges[f, 0]:ranges[f, 1]``."""
     n_faces, size = len(ranges), unknowns.size
@@ -240,7 +248,7 @@ def face_states(
     R_l_b, dR_l_b, *mounted = unknowns.kernel_arguments(x)
     turned = R_l_b, axes(R_l_b, dR_l_b), *mounted
     over_threads(
-        sum_faces, n_faces, *Sightlines.of(rays).columns(), ranges, *turned, centroid, J,
+        sum_faces, n_faces, *PreparedRays.of(rays).columns(), ranges, *turned, centroid, J,
         scatter, cross, least=1,
     )  # fmt: skip
     count = ranges[:, 1] - ranges[:, 0]
@@ -299,8 +307,8 @@ def centroid_blocks(
     origin: np.ndarray,
     planes: np.ndarray,
     s: np.ndarray,
-) -> Blocks:
-    """Blocks of Eq. (5): centroid of ``face`` (K,) on plane ``group`` (K,), variances ``s`` (K,).
+) -> PlaneNormals:
+    """Normal equations of Eq. (5): centroid of ``face`` (K,) on plane ``group`` (K,), ``s`` (K,).
 
     ``planes`` (G, 4) holds (n, d) with d from ``origin`` (G, 3).
     """
@@ -318,4 +326,4 @@ def centroid_blocks(
     np.add.at(t, group, row * (w / s)[:, None])
     np.add.at(chi2, group, w * w / s)
     np.add.at(count, group, 1)
-    return Blocks(N, t, chi2, count)
+    return PlaneNormals(N, t, chi2, count)

@@ -13,7 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from paperrepro.errors import RankDefect, TooFewPlanes
-from paperrepro.method.adjustment.conditions import MAX_ITERATIONS, TOLERANCE, Blocks, Iterations
+from paperrepro.method.adjustment.conditions import (
+    MAX_ITERATIONS,
+    TOLERANCE,
+    Iterations,
+    PlaneNormals,
+)
 from paperrepro.method.adjustment.observability import (
     Observability,
     no_convergence,
@@ -22,7 +27,7 @@ from paperrepro.method.adjustment.observability import (
 
 
 @dataclass(frozen=True)
-class Reduced:
+class NormalEquations:
     """Normal equations of ``x`` alone: ``S dx + t = 0``."""
 
     S: np.ndarray
@@ -49,24 +54,24 @@ class Solution:
 
 
 @dataclass(frozen=True)
-class Pseudo:
-    """Pseudo-observations ``x = mean`` with ``weight`` (u,), zero where there is none."""
+class PriorObservations:
+    """Prior observations ``x = mean`` with ``weight`` (u,), zero where there is none."""
 
     mean: np.ndarray
     weight: np.ndarray
 
-    def normals(self, x: np.ndarray) -> Reduced:
-        return Reduced(np.diag(self.weight), self.weight * (x - self.mean))
+    def normals(self, x: np.ndarray) -> NormalEquations:
+        return NormalEquations(np.diag(self.weight), self.weight * (x - self.mean))
 
     def chi2(self, x: np.ndarray) -> float:
         return float(self.weight @ np.square(x - self.mean))
 
 
 def solve_free(
-    blocks: Callable[[np.ndarray, np.ndarray, float], Blocks],
+    blocks: Callable[[np.ndarray, np.ndarray, float], PlaneNormals],
     x: np.ndarray,
     planes: np.ndarray,
-    pseudo: Pseudo,
+    pseudo: PriorObservations,
 ) -> Solution:
     """Adjust ``x`` (u,) together with unit-norm ``planes`` (G, 4); ``blocks(x, planes, settled)``.
 
@@ -91,10 +96,10 @@ def solve_free(
 
 
 def solve_reference(
-    blocks: Callable[[np.ndarray, np.ndarray, float], Blocks],
+    blocks: Callable[[np.ndarray, np.ndarray, float], PlaneNormals],
     plane_states: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     x: np.ndarray,
-    pseudo: Pseudo,
+    pseudo: PriorObservations,
 ) -> Solution:
     """Adjust ``x`` (u,) on planes that are functions of it.
 
@@ -128,7 +133,7 @@ def _solution(
     return Solution(x, planes, Q, Q_planes, S_data, chi2, dof, iterations)
 
 
-def _bordered_inverse(condition: Blocks, planes: np.ndarray) -> np.ndarray:
+def _bordered_inverse(condition: PlaneNormals, planes: np.ndarray) -> np.ndarray:
     """Inverses (G, 5, 5) of each plane's block, bordered by ``2 n . dn = 1 - n . n``."""
     border = np.zeros((len(planes), 5, 5))
     border[:, :4, :4] = condition.N[:, -4:, -4:]
@@ -142,23 +147,23 @@ def _bordered_inverse(condition: Blocks, planes: np.ndarray) -> np.ndarray:
         ) from None
 
 
-def _constraint_right_side(condition: Blocks, planes: np.ndarray) -> np.ndarray:
+def _constraint_right_side(condition: PlaneNormals, planes: np.ndarray) -> np.ndarray:
     """(G, 5): the planes' t, then the misclosure of the unit norm."""
     norm = np.square(planes[:, :3]).sum(axis=1) - 1.0
     return np.column_stack([condition.t[:, -4:], norm])
 
 
-def _schur(condition: Blocks, inverse: np.ndarray, planes: np.ndarray) -> Reduced:
+def _schur(condition: PlaneNormals, inverse: np.ndarray, planes: np.ndarray) -> NormalEquations:
     """Normal equations of ``x`` after elimination of every plane."""
     N_xp = condition.N[:, :-4, -4:]
     gain = N_xp @ inverse[:, :4]  # (G, u, 5)
     S = (condition.N[:, :-4, :-4] - gain[:, :, :4] @ N_xp.transpose(0, 2, 1)).sum(axis=0)
     eliminated = np.einsum("gup,gp->u", gain, _constraint_right_side(condition, planes))
-    return Reduced((S + S.T) / 2, condition.t[:, :-4].sum(axis=0) - eliminated)
+    return NormalEquations((S + S.T) / 2, condition.t[:, :-4].sum(axis=0) - eliminated)
 
 
 def _back_substitute(
-    condition: Blocks, inverse: np.ndarray, planes: np.ndarray, dx: np.ndarray
+    condition: PlaneNormals, inverse: np.ndarray, planes: np.ndarray, dx: np.ndarray
 ) -> np.ndarray:
     """Corrections (G, 4) of the planes."""
     right = _constraint_right_side(condition, planes)
@@ -166,22 +171,22 @@ def _back_substitute(
     return -np.einsum("gpq,gq->gp", inverse[:, :4], right)
 
 
-def _plane_cofactors(condition: Blocks, inverse: np.ndarray, Q: np.ndarray) -> np.ndarray:
+def _plane_cofactors(condition: PlaneNormals, inverse: np.ndarray, Q: np.ndarray) -> np.ndarray:
     gain = inverse[:, :4, :4] @ condition.N[:, -4:, :-4]  # (G, 4, u)
     return inverse[:, :4, :4] + gain @ Q @ gain.transpose(0, 2, 1)
 
 
-def _fold(condition: Blocks, J: np.ndarray) -> Reduced:
+def _fold(condition: PlaneNormals, J: np.ndarray) -> NormalEquations:
     """Chain rule: planes are functions of ``x`` with derivatives ``J`` (G, 4, u)."""
     N_xx, N_xp, N_pp = condition.N[:, :-4, :-4], condition.N[:, :-4, -4:], condition.N[:, -4:, -4:]
     cross = N_xp @ J
     J_T = J.transpose(0, 2, 1)
     S = (N_xx + cross + cross.transpose(0, 2, 1) + J_T @ N_pp @ J).sum(axis=0)
     t = condition.t[:, :-4] + np.einsum("gpu,gp->gu", J, condition.t[:, -4:])
-    return Reduced((S + S.T) / 2, t.sum(axis=0))
+    return NormalEquations((S + S.T) / 2, t.sum(axis=0))
 
 
-def _correction(data: Reduced, pseudo: Pseudo, x: np.ndarray) -> np.ndarray:
+def _correction(data: NormalEquations, pseudo: PriorObservations, x: np.ndarray) -> np.ndarray:
     """Step ``dx`` (u,); raises `RankDefect`."""
     if not np.isfinite(data.S).all():
         raise RankDefect(
@@ -212,6 +217,6 @@ def _solve(S: np.ndarray, t: np.ndarray) -> np.ndarray:
     return np.linalg.solve(scaled, t / diagonal) / diagonal
 
 
-def _no_convergence(data: Reduced, pseudo: Pseudo, dx: np.ndarray) -> Exception:
+def _no_convergence(data: NormalEquations, pseudo: PriorObservations, dx: np.ndarray) -> Exception:
     seen = Observability.of(data.S, pseudo.weight)
     return no_convergence(seen, MAX_ITERATIONS, np.abs(dx).max(), TOLERANCE)

@@ -40,7 +40,7 @@ from paperrepro.method.adjustment.trajectory_solver import (
     iterate,
     prior_chi2,
 )
-from paperrepro.method.tie_planes import MatchedFaces
+from paperrepro.method.tie_planes import TiePlanes
 from paperrepro.survey import Mounting, Survey
 
 #: A bias counts as detectable where a test at this level finds it with this power (Baarda 1968).
@@ -188,7 +188,7 @@ def estimate(
     """Components, and the state adjusted under them. Raises as `trajectory_solver.iterate` does."""
     components = VarianceComponents()
     # every condition speaks of the range, few of the rest: in these steps all matter alike
-    step = np.array([1 / np.sqrt(2 * len(model.matched.rays)), 1.0, 1.0, 1.0])
+    step = np.array([1 / np.sqrt(2 * len(model.tie_planes.rays)), 1.0, 1.0, 1.0])
     for _ in range(ROUNDS):
         solution = iterate(components.apply(model), components.prior(specified), state)
         state, data = solution.state, solution.data.scaled(components.range**2)
@@ -225,7 +225,7 @@ def _objective(
     quadratic = scaled.chi2 + prior_chi2(prior, time, state.error) - step.decrement
     quadratic += float(model.pseudo_weight @ np.square(state.x))
     log_det = step.factor.log_det + np.linalg.slogdet(step.S)[1] - prior.information(time)[2]
-    n_conditions = len(model.matched.rays)
+    n_conditions = len(model.tie_planes.rays)
     wide = np.square(theta / PRIOR_LOG_SIGMA).sum()
     return quadratic + log_det + 2 * n_conditions * theta[0] + wide
 
@@ -245,18 +245,18 @@ class TrueNoise:
 
 def cramer_rao_bound(
     survey: Survey,
-    matched: MatchedFaces,
+    tie_planes: TiePlanes,
     truth: Mounting,
     noise: TrueNoise,
     spacing: float = SPACING,
 ) -> np.ndarray:
-    """Least covariance (3, 3) rad² of the boresight, given the points of ``matched``.
+    """Least covariance (3, 3) rad² of the boresight, given the points of ``tie_planes``.
 
     The range offsets' spread is prior knowledge here, as in the adjustment.
     """
     scanner = replace(survey.scanner, range_offset_sigma=max(noise.range_offset_sigma, 1e-6))
     model = TrajectoryModel.prepare(
-        replace(survey, mounting=truth, scanner=scanner), matched, "per_ring", spacing
+        replace(survey, mounting=truth, scanner=scanner), tie_planes, "per_ring", spacing
     )
     x = model.unknowns.start()
     x[3:] = truth.offsets(scanner.n_rings)

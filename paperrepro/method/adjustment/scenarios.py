@@ -29,18 +29,23 @@ from paperrepro.method.adjustment import conditions as eq5
 from paperrepro.method.adjustment import screening
 from paperrepro.method.adjustment.conditions import (
     SETTLED,
-    Blocks,
     FaceStates,
-    Sightlines,
+    PlaneNormals,
+    PreparedRays,
     Unknowns,
     face_states,
     observation_variances,
     point_blocks,
 )
-from paperrepro.method.adjustment.gauss_helmert import Pseudo, Solution, solve_free, solve_reference
+from paperrepro.method.adjustment.gauss_helmert import (
+    PriorObservations,
+    Solution,
+    solve_free,
+    solve_reference,
+)
 from paperrepro.method.adjustment.observability import Observability
 from paperrepro.method.adjustment.result import CalibrationResult
-from paperrepro.method.tie_planes import MatchedFaces, require_spread, require_width
+from paperrepro.method.tie_planes import TiePlanes, require_spread, require_width
 from paperrepro.survey import Mounting, Survey
 
 
@@ -72,7 +77,7 @@ SCENARIOS = {
 
 def calibrate(
     survey: Survey,
-    matched: MatchedFaces,
+    tie_planes: TiePlanes,
     scenario: str | Scenario,
     near: np.ndarray | None = None,
 ) -> CalibrationResult:
@@ -80,7 +85,7 @@ def calibrate(
 
     Raises `BadInput` for an unknown scenario, `TooFewPlanes`, `RankDefect`, `NoConvergence`.
     """
-    model = _Model.prepare(survey, matched, _by_name(scenario))
+    model = _Model.prepare(survey, tie_planes, _by_name(scenario))
     x = model.unknowns.start()
     solution = model.solve(x if near is None else np.r_[near, x[3:]])
     return _result(model, solution)
@@ -105,49 +110,49 @@ class _Model:
     all matched faces at an ``x``, ``before`` all planes at the start.
     """
 
-    matched: MatchedFaces
+    tie_planes: TiePlanes
     scenario: Scenario
     unknowns: Unknowns
     variances: np.ndarray
-    rays: Sightlines = field(repr=False)
+    rays: PreparedRays = field(repr=False)
     states: Callable[[np.ndarray], FaceStates]
     before: FaceStates = field(repr=False)
     origin: np.ndarray
     ranges: np.ndarray
     centroid_face: np.ndarray
     centroid_group: np.ndarray
-    pseudo: Pseudo
+    pseudo: PriorObservations
     poses: np.ndarray = field(repr=False)
 
     @classmethod
-    def prepare(cls, survey: Survey, matched: MatchedFaces, scenario: Scenario) -> "_Model":
+    def prepare(cls, survey: Survey, tie_planes: TiePlanes, scenario: Scenario) -> "_Model":
         unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, scenario.range_offsets)
-        rays, x = Sightlines.of(matched.rays), unknowns.start()
-        planes = face_states(rays, matched.plane_ranges, unknowns, x)
+        rays, x = PreparedRays.of(tie_planes.rays), unknowns.start()
+        planes = face_states(rays, tie_planes.plane_ranges, unknowns, x)
         require_spread(planes.plane[:, :3])
-        states = screening.for_array(lambda at: face_states(rays, matched.ranges, unknowns, at))
-        faces = np.arange(len(matched.ranges))
+        states = screening.for_array(lambda at: face_states(rays, tie_planes.ranges, unknowns, at))
+        faces = np.arange(len(tie_planes.ranges))
         if scenario.free_planes:
-            require_width(planes.width, [f"plane {k}" for k in range(matched.n_planes)])
-            layout = planes.centroid, matched.plane_ranges, faces, matched.plane
+            require_width(planes.width, [f"plane {k}" for k in range(tie_planes.n_planes)])
+            layout = planes.centroid, tie_planes.plane_ranges, faces, tie_planes.plane
         else:
-            if not len(matched.pairs):
+            if not len(tie_planes.pairs):
                 raise TooFewPlanes(
                     f"scenario {scenario.name}: expected pairs of faces, got none; "
                     "match strips first"
                 )
-            reference, search = np.unique(matched.pairs[:, 0]), matched.pairs[:, 1]
+            reference, search = np.unique(tie_planes.pairs[:, 0]), tie_planes.pairs[:, 1]
             width = states(x).width[reference]
-            require_width(width, [f"face {k} of {matched.strips[k]}" for k in reference])
-            origin = planes.centroid[matched.plane[search]]
-            layout = origin, matched.ranges[search], search, np.arange(len(search))
+            require_width(width, [f"face {k} of {tie_planes.strips[k]}" for k in reference])
+            origin = planes.centroid[tie_planes.plane[search]]
+            layout = origin, tie_planes.ranges[search], search, np.arange(len(search))
         weight = np.r_[
             np.zeros(3), np.full(unknowns.size - 3, survey.scanner.range_offset_sigma**-2.0)
         ]
         variances = observation_variances(survey.navigation, survey.scanner)
-        pseudo = Pseudo(np.zeros(unknowns.size), weight)
-        given = matched, scenario, unknowns, variances, rays, states, planes
-        return cls(*given, *layout, pseudo, matched.mean_poses())
+        pseudo = PriorObservations(np.zeros(unknowns.size), weight)
+        given = tie_planes, scenario, unknowns, variances, rays, states, planes
+        return cls(*given, *layout, pseudo, tie_planes.mean_poses())
 
     def solve(self, x: np.ndarray) -> Solution:
         if not self.scenario.free_planes:
@@ -158,17 +163,17 @@ class _Model:
 
     def planes(self, x: np.ndarray) -> FaceStates:
         """Each plane fitted to the points of all its faces."""
-        return face_states(self.rays, self.matched.plane_ranges, self.unknowns, x)
+        return face_states(self.rays, self.tie_planes.plane_ranges, self.unknowns, x)
 
     def reference_planes(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Planes (P, 4) of the pairs' reference faces, d from each pair's origin, and (P, 4, u)."""
-        states, reference = self.states(x), self.matched.pairs[:, 0]
+        states, reference = self.states(x), self.tie_planes.pairs[:, 0]
         planes, J = states.plane[reference], states.J_plane[reference]
         planes[:, 3] -= np.einsum("ga,ga->g", planes[:, :3], self.origin)
         J[:, 3] -= np.einsum("gak,ga->gk", J[:, :3], self.origin)
         return planes, J
 
-    def blocks(self, x: np.ndarray, planes: np.ndarray, settled: float = SETTLED) -> Blocks:
+    def blocks(self, x: np.ndarray, planes: np.ndarray, settled: float = SETTLED) -> PlaneNormals:
         """All conditions at ``x`` and ``planes``; ``settled`` m as `sightlines.settle` has it."""
         parts = []
         if self.scenario.points:
@@ -188,14 +193,14 @@ class _Model:
             parts.append(self._centroid_blocks(x, planes))
         return parts[0] if len(parts) == 1 else parts[0] + parts[1]
 
-    def _centroid_blocks(self, x: np.ndarray, planes: np.ndarray) -> Blocks:
+    def _centroid_blocks(self, x: np.ndarray, planes: np.ndarray) -> PlaneNormals:
         states = self.states(x)
         face, group = self.centroid_face, self.centroid_group
         J_l = eq5.virtual_jacobians(states.centroid, self.poses, self.unknowns, x)
         n = planes[group, :3]
         s = eq5.centroid_variances(n, J_l[face], states.count[face], self.variances)
         if not self.scenario.free_planes:
-            reference = self.matched.pairs[:, 0]
+            reference = self.tie_planes.pairs[:, 0]
             s = s + eq5.centroid_variances(
                 n, J_l[reference], states.count[reference], self.variances
             )
@@ -203,7 +208,7 @@ class _Model:
 
 
 def _result(model: _Model, solution: Solution) -> CalibrationResult:
-    matched, x = model.matched, solution.x
+    tie_planes, x = model.tie_planes, solution.x
     sigma0 = float(np.sqrt(solution.chi2 / solution.dof))
     after = model.planes(x)
     planes, Q_planes = _planes_in_map(model, solution, after)
@@ -221,7 +226,7 @@ def _result(model: _Model, solution: Solution) -> CalibrationResult:
         dof=solution.dof,
         iterations=solution.iterations,
         converged=True,
-        n_points=len(matched.rays),
+        n_points=len(tie_planes.rays),
         n_conditions=n_points + conditions,
         rms_before=model.before.rms,
         rms_after=after.rms,
@@ -257,13 +262,13 @@ def orthogonal_projection(p_m: np.ndarray, plane: np.ndarray) -> tuple[np.ndarra
     return p_m + s[:, None] * plane[:3], s
 
 
-def refine(survey: Survey, matched: MatchedFaces, calibrated: Mounting) -> CalibrationResult:
+def refine(survey: Survey, tie_planes: TiePlanes, calibrated: Mounting) -> CalibrationResult:
     """Boresight that minimises Eq. (9), from ``calibrated`` as start; range offsets stay as they
     are.
 
-    ``matched`` holds the faces extracted and matched under ``calibrated``; the first face of a pair
-    gives the points, the second the target plane. Raises as `scenarios.calibrate` does,
+    ``tie_planes``: extracted and matched under ``calibrated``; the first face of a pair gives the
+    points, the second the target plane. Raises as `scenarios.calibrate` does,
     `TooFewPlanes` for fewer than four planes (section 2.2.5).
     """
-    onto_target = replace(matched, pairs=matched.pairs[:, ::-1])
+    onto_target = replace(tie_planes, pairs=tie_planes.pairs[:, ::-1])
     return calibrate(replace(survey, mounting=calibrated), onto_target, POINT_TO_PLANE)

@@ -19,14 +19,14 @@ import numpy as np
 
 from paperrepro.method.adjustment.conditions import (
     FaceStates,
-    Sightlines,
+    PreparedRays,
     Unknowns,
     centroid_variances,
     face_states,
     observation_variances,
     virtual_jacobians,
 )
-from paperrepro.method.tie_planes import MatchedFaces, Rejection
+from paperrepro.method.tie_planes import Rejection, TiePlanes
 from paperrepro.survey import Survey
 
 
@@ -76,12 +76,12 @@ class Screening:
 
 
 @for_objects
-def screen(survey: Survey, matched: MatchedFaces) -> Screening:
-    """Find the faces of ``matched`` that do not belong to their planes.
+def screen(survey: Survey, tie_planes: TiePlanes) -> Screening:
+    """Find the faces of ``tie_planes`` that do not belong to their planes.
 
     All scenarios ask it of the same faces, so the last answer is kept.
     """
-    pairs = _Pairs.of(survey, matched.thinned(POINTS_PER_FACE))
+    pairs = _Pairs.of(survey, tie_planes.thinned(POINTS_PER_FACE))
     x, control = survey.mounting.boresight, None
     weight = np.ones(len(pairs.one))
     while True:
@@ -113,7 +113,7 @@ class _Pairs:
     ``states`` gives the faces under a boresight, ``look`` the pairs.
     """
 
-    matched: MatchedFaces
+    tie_planes: TiePlanes
     unknowns: Unknowns
     variances: np.ndarray
     one: np.ndarray
@@ -123,19 +123,19 @@ class _Pairs:
     look: Callable[[np.ndarray], tuple] = field(init=False)
 
     def __post_init__(self):
-        rays, ranges = Sightlines.of(self.matched.rays), self.matched.ranges
+        rays, ranges = PreparedRays.of(self.tie_planes.rays), self.tie_planes.ranges
         states = for_array(lambda x: face_states(rays, ranges, self.unknowns, x))
-        object.__setattr__(self, "poses", self.matched.mean_poses())
+        object.__setattr__(self, "poses", self.tie_planes.mean_poses())
         object.__setattr__(self, "states", states)
         object.__setattr__(self, "look", for_array(self._look))
 
     @classmethod
-    def of(cls, survey: Survey, matched: MatchedFaces) -> "_Pairs":
-        together = matched.plane[:, None] == matched.plane
+    def of(cls, survey: Survey, tie_planes: TiePlanes) -> "_Pairs":
+        together = tie_planes.plane[:, None] == tie_planes.plane
         one, other = np.nonzero(together & ~np.eye(len(together), dtype=bool))
         unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, "none")
         variances = observation_variances(survey.navigation, survey.scanner)
-        return cls(matched, unknowns, variances, one, other)
+        return cls(tie_planes, unknowns, variances, one, other)
 
     def _look(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Distances (P,) m of centroids from planes, their derivatives (P, 3), their limits."""
@@ -163,7 +163,7 @@ class _Pairs:
 
     def consensus(self, x: np.ndarray) -> tuple[np.ndarray, tuple[Rejection, ...]]:
         """Of each plane, the faces that agree with the one that agrees with most."""
-        s, F = self.states(x), len(self.matched.ranges)
+        s, F = self.states(x), len(self.tie_planes.ranges)
         w, _, limits = self.look(x)
         n, c = s.plane[self.one, :3], s.scatter[self.other]
         spread = np.einsum("pa,pab,pb->p", n, c, n) / s.count[self.other]
@@ -173,13 +173,13 @@ class _Pairs:
         agrees = (misfit <= limit) & (misfit <= limit).T
         np.fill_diagonal(agrees, True)
         kept, rejected = np.zeros(F, dtype=bool), []
-        for g in range(self.matched.n_planes):
-            faces = np.flatnonzero(self.matched.plane == g)
+        for g in range(self.tie_planes.n_planes):
+            faces = np.flatnonzero(self.tie_planes.plane == g)
             middle = faces[_middle(agrees[np.ix_(faces, faces)], misfit[np.ix_(faces, faces)])]
             kept[faces] = agrees[middle, faces]
             for f in faces[~kept[faces]]:
                 of = float(misfit[middle, f]), float(limit[middle, f])
-                rejected.append(Rejection(self.matched.strips[f], g, s.centroid[f], *of))
+                rejected.append(Rejection(self.tie_planes.strips[f], g, s.centroid[f], *of))
         return kept, tuple(rejected)
 
 

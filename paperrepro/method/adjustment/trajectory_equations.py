@@ -33,10 +33,10 @@ import numpy as np
 from scipy.linalg import cholesky_banded
 
 from paperrepro._compiled import over_threads
-from paperrepro.method.adjustment.conditions import SETTLED, Sightlines, Unknowns, axes
+from paperrepro.method.adjustment.conditions import SETTLED, PreparedRays, Unknowns, axes
 from paperrepro.method.adjustment.kernels import moved, ray, settle
 from paperrepro.method.georeference import body_to_map
-from paperrepro.method.tie_planes import MatchedFaces
+from paperrepro.method.tie_planes import TiePlanes
 from paperrepro.survey import Mounting
 
 #: East, north, up, roll, pitch, heading.
@@ -100,7 +100,7 @@ class Cells:
     the next; ``share`` (N,) of the latter for each ray."""
 
     order: np.ndarray
-    sight: Sightlines
+    sight: PreparedRays
     share: np.ndarray
     ranges: np.ndarray
     plane: np.ndarray
@@ -108,9 +108,11 @@ class Cells:
     node: np.ndarray
 
     @classmethod
-    def of(cls, matched: MatchedFaces, nodes: Nodes) -> "Cells":
-        face = np.repeat(np.arange(len(matched.ranges)), np.diff(matched.ranges, axis=1)[:, 0])
-        node, share = nodes.locate(matched.rays.time)
+    def of(cls, tie_planes: TiePlanes, nodes: Nodes) -> "Cells":
+        face = np.repeat(
+            np.arange(len(tie_planes.ranges)), np.diff(tie_planes.ranges, axis=1)[:, 0]
+        )
+        node, share = nodes.locate(tie_planes.rays.time)
         key = face * len(nodes.time) + node
         order = np.argsort(key, kind="stable")
         first = np.flatnonzero(np.r_[True, np.diff(key[order]) > 0])
@@ -118,8 +120,8 @@ class Cells:
         chosen = order[first]
         face_of_cell = face[chosen]
         return cls(
-            order, Sightlines.of(matched.rays.take(order)), share[order], ranges,
-            matched.plane[face_of_cell], face_of_cell, node[chosen],
+            order, PreparedRays.of(tie_planes.rays.take(order)), share[order], ranges,
+            tie_planes.plane[face_of_cell], face_of_cell, node[chosen],
         )  # fmt: skip
 
 

@@ -27,7 +27,7 @@ from paperrepro.method.adjustment.trajectory_solver import (
     iterate,
     prior_chi2,
 )
-from paperrepro.method.tie_planes import MatchedFaces
+from paperrepro.method.tie_planes import TiePlanes
 from paperrepro.survey import Navigation, Survey
 
 #: Seconds between nodes. Between nodes a second apart an APX-15's heading wanders by 0.01 deg,
@@ -46,7 +46,7 @@ def specified_process(navigation: Navigation) -> GaussMarkov:
 
 def calibrate_with_trajectory(
     survey: Survey,
-    matched: MatchedFaces,
+    tie_planes: TiePlanes,
     range_offsets: str = "per_ring",
     components: bool = False,
     spacing: float = NODE_SPACING,
@@ -62,11 +62,11 @@ def calibrate_with_trajectory(
     what was given for it as prior (`lever_arm.PRIOR_SIGMA`). The covariance is that of the stated
     (or estimated) noise, not scaled by sigma0. Raises `BadInput`, `RankDefect`, `NoConvergence`.
     """
-    model = TrajectoryModel.prepare(survey, matched, range_offsets, spacing, lever_arm)
+    model = TrajectoryModel.prepare(survey, tie_planes, range_offsets, spacing, lever_arm)
     prior, factors = specified_process(survey.navigation), None
     start = model.unknowns.start()
     if near is None:
-        near = calibrate(survey, matched, "SL").boresight
+        near = calibrate(survey, tie_planes, "SL").boresight
     state = model.start(np.r_[near, start[3:]])
     if components:
         factors, state = estimate(model, prior, state)
@@ -75,10 +75,10 @@ def calibrate_with_trajectory(
     return _result(model, prior, start, solution, factors)
 
 
-def lasting_sigma(survey: Survey, matched: MatchedFaces, boresight: np.ndarray) -> np.ndarray:
+def lasting_sigma(survey: Survey, tie_planes: TiePlanes, boresight: np.ndarray) -> np.ndarray:
     """Standard deviations (3,) rad of ``boresight`` under errors of the trajectory that last as
     specified, as an adjustment that knows of them would have: from `WITNESSES` points a face."""
-    few = matched.thinned(WITNESSES)
+    few = tie_planes.thinned(WITNESSES)
     model = TrajectoryModel.prepare(survey, few, "per_ring", WITNESS_SPACING)
     state = model.start(np.r_[boresight, np.zeros(model.unknowns.size - 3)])
     prior = specified_process(survey.navigation)
@@ -94,7 +94,7 @@ def _result(
     factors: VarianceComponents | None,
 ) -> CalibrationResult:
     state, step = solution.state, solution.step
-    matched, unknowns = model.matched, model.unknowns
+    tie_planes, unknowns = model.tie_planes, model.unknowns
     lever, u = isinstance(unknowns, LeverArmUnknowns), len(state.x)
     kept = u - 3 if lever else u
     observability = _observability(step.S, kept, model.pseudo_weight)
@@ -104,8 +104,8 @@ def _result(
     planes, Q_planes = _planes_in_map(model, state, Q)
     chi2 = solution.data.chi2 + prior_chi2(prior, model.nodes.time, state.error)
     chi2 += float(model.pseudo_weight @ np.square(state.x))
-    dof = len(matched.rays) + np.count_nonzero(model.pseudo_weight) - len(Q)
-    after = face_states(matched.rays, matched.plane_ranges, unknowns, state.x)
+    dof = len(tie_planes.rays) + np.count_nonzero(model.pseudo_weight) - len(Q)
+    after = face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, state.x)
     return CalibrationResult(
         scenario="D",
         mounting=unknowns.mounting,
@@ -118,16 +118,16 @@ def _result(
         dof=dof,
         iterations=solution.iterations,
         converged=True,
-        n_points=len(matched.rays),
-        n_conditions=len(matched.rays),
-        rms_before=face_states(matched.rays, matched.plane_ranges, unknowns, start).rms,
+        n_points=len(tie_planes.rays),
+        n_conditions=len(tie_planes.rays),
+        rms_before=face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, start).rms,
         rms_after=after.rms,
         points_per_plane=after.count,
         observability=observability,
         trajectory=_errors(model, state, step, Q),
         components=None if factors is None else vars(factors).copy(),
         lever_arm=LeverArm.of(unknowns.mounting, state.x, Q[:u, :u]) if lever else None,
-        reliability=reliability(solution.blocks, model.cells, state, step, matched.strips),
+        reliability=reliability(solution.blocks, model.cells, state, step, tie_planes.strips),
     )
 
 

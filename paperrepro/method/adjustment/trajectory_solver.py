@@ -31,7 +31,7 @@ from paperrepro.method.adjustment.trajectory_equations import (
     cell_blocks,
     factorise,
 )
-from paperrepro.method.tie_planes import MatchedFaces, require_spread
+from paperrepro.method.tie_planes import TiePlanes, require_spread
 from paperrepro.survey import Survey
 
 
@@ -39,7 +39,7 @@ from paperrepro.survey import Survey
 class TrajectoryModel:
     """The conditions of scenario D on given faces."""
 
-    matched: MatchedFaces
+    tie_planes: TiePlanes
     unknowns: Unknowns
     nodes: Nodes
     cells: Cells
@@ -52,33 +52,35 @@ class TrajectoryModel:
     def prepare(
         cls,
         survey: Survey,
-        matched: MatchedFaces,
+        tie_planes: TiePlanes,
         range_offsets: str,
         spacing: float,
         lever_arm: bool = False,
     ) -> "TrajectoryModel":
-        if matched.rays.time is None:
+        if tie_planes.rays.time is None:
             raise BadInput(
                 "scenario D: expected rays with their times, got none; build them from strips"
             )
         layout = LeverArmUnknowns.layout if lever_arm else Unknowns.layout
         unknowns = layout(survey.mounting, survey.scanner.n_rings, range_offsets)
-        states = face_states(matched.rays, matched.plane_ranges, unknowns, unknowns.start())
+        states = face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, unknowns.start())
         require_spread(states.plane[:, :3])
-        nodes = Nodes.covering(matched.rays.time, spacing)
+        nodes = Nodes.covering(tie_planes.rays.time, spacing)
         variances = observation_variances(survey.navigation, survey.scanner)
         variances[:N_COMPONENTS] = 0.0  # the error that these stand for is an unknown now
         pseudo = np.zeros(unknowns.size)
         pseudo[3:] = survey.scanner.range_offset_sigma**-2.0
         if lever_arm:
             pseudo[-3:] = PRIOR_SIGMA**-2.0
-        weight = np.ones(len(matched.ranges))
-        cells = Cells.of(matched, nodes)
-        return cls(matched, unknowns, nodes, cells, states.centroid, variances, pseudo, weight)
+        weight = np.ones(len(tie_planes.ranges))
+        cells = Cells.of(tie_planes, nodes)
+        return cls(tie_planes, unknowns, nodes, cells, states.centroid, variances, pseudo, weight)
 
     def start(self, x: np.ndarray) -> "State":
         """``x`` (u,), the planes fitted under it, and no error of the trajectory."""
-        planes = face_states(self.matched.rays, self.matched.plane_ranges, self.unknowns, x).plane
+        planes = face_states(
+            self.tie_planes.rays, self.tie_planes.plane_ranges, self.unknowns, x
+        ).plane
         planes[:, 3] -= np.einsum("ga,ga->g", planes[:, :3], self.origin)
         return State(x, planes, np.zeros((len(self.nodes.time), N_COMPONENTS)))
 

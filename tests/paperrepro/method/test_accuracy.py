@@ -23,12 +23,14 @@ SCENARIOS = ("SL", "A", "B", "C")
 
 
 def truth_planes(flown) -> ReferencePlanes:
-    first = np.searchsorted(flown.found.matched.plane, np.arange(flown.found.matched.n_planes))
+    first = np.searchsorted(
+        flown.found.tie_planes.plane, np.arange(flown.found.tie_planes.n_planes)
+    )
     return ReferencePlanes(true_planes(flown.truth, flown.views.label[first]))
 
 
 def rmses(flown) -> dict[str, float]:
-    survey, matched = flown.survey, flown.found.matched
+    survey, tie_planes = flown.survey, flown.found.tie_planes
     results = calibrate_all(survey, flown.found, SCENARIOS)
     mountings = {
         name: survey.mounting.with_calibration(r.boresight, r.range_offsets)
@@ -36,7 +38,7 @@ def rmses(flown) -> dict[str, float]:
     }
     mountings |= {"before": survey.mounting, "floor": flown.truth.mounting}
     planes = truth_planes(flown)
-    return {name: rmse(point_to_plane(matched, m, planes)) for name, m in mountings.items()}
+    return {name: rmse(point_to_plane(tie_planes, m, planes)) for name, m in mountings.items()}
 
 
 def test_mount_falls_by_80_percent_in_every_scenario(flown):
@@ -71,12 +73,12 @@ def test_without_a_common_roof_there_is_no_reference(flown):
 
 
 def test_distances_take_only_planes_that_have_a_reference(flown):
-    matched, planes = flown.found.matched, truth_planes(flown).planes
+    tie_planes, planes = flown.found.tie_planes, truth_planes(flown).planes
     none_of_first = planes.copy()
     none_of_first[0] = np.nan
-    everything = point_to_plane(matched, flown.truth.mounting, ReferencePlanes(planes))
-    fewer = point_to_plane(matched, flown.truth.mounting, ReferencePlanes(none_of_first))
-    in_first = np.diff(matched.ranges, axis=1)[matched.plane == 0].sum()
+    everything = point_to_plane(tie_planes, flown.truth.mounting, ReferencePlanes(planes))
+    fewer = point_to_plane(tie_planes, flown.truth.mounting, ReferencePlanes(none_of_first))
+    in_first = np.diff(tie_planes.ranges, axis=1)[tie_planes.plane == 0].sum()
     assert len(everything) - len(fewer) == in_first > 0
     np.testing.assert_allclose(everything[in_first:], fewer, rtol=0, atol=1e-12)
 

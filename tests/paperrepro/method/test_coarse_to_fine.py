@@ -45,7 +45,7 @@ def test_noise_free_every_scenario_finds_the_boresight_from_zero(boresight_deg):
         error = np.rad2deg(result.boresight - truth.boresight)
         assert np.abs(error).max() < OWN_SEGMENTATION_DEG, name
     views = judge_views(survey, truth, found.views(points))
-    assert len(false_pairs(views, found.matched.pairs)) == 0
+    assert len(false_pairs(views, found.tie_planes.pairs)) == 0
 
 
 @pytest.mark.slow
@@ -68,9 +68,9 @@ def test_the_passes_settle_near_the_truth(flown):
 
 
 def test_matched_faces_agree_with_the_roofs_they_come_from(flown):
-    matched, found = flown.found.matched, flown.found
-    assert len(matched.ranges) == len(found.keys) == len(matched.strips)
-    for (strip, face), (first, last) in zip(found.keys, matched.ranges, strict=True):
+    tie_planes, found = flown.found.tie_planes, flown.found
+    assert len(tie_planes.ranges) == len(found.keys) == len(tie_planes.strips)
+    for (strip, face), (first, last) in zip(found.keys, tie_planes.ranges, strict=True):
         assert last - first == len(found.roofs[strip].faces[face].points)
     strips_of_tie = [[strip for strip, _ in tie] for tie in found.ties]
     assert all(len(set(strips)) == len(strips) >= 2 for strips in strips_of_tie)
@@ -87,7 +87,7 @@ def test_refinement_extracts_anew_and_stays_at_the_noise(flown):
 def test_same_seed_same_numbers(flown):
     again = find_roofs(flown.survey, flown.points)
     np.testing.assert_array_equal(again.boresights, flown.found.boresights)
-    np.testing.assert_array_equal(again.matched.rays.rho, flown.found.matched.rays.rho)
+    np.testing.assert_array_equal(again.tie_planes.rays.rho, flown.found.tie_planes.rays.rho)
 
 
 def test_a_strip_of_another_flight_is_named(flown):

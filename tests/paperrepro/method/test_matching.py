@@ -11,7 +11,7 @@ from paperrepro._cache import cached
 from paperrepro.errors import TooFewPlanes
 from paperrepro.method.coarse_to_fine import find_candidates
 from paperrepro.method.georeference import georeference
-from paperrepro.method.matching import FacePair, MatchParameters, match, tie_planes
+from paperrepro.method.matching import FacePair, MatchParameters, connected_faces, match
 from paperrepro.method.roofs import Face, Gable, RoofParameters, Roofs, extract
 
 FINE, COARSE = MatchParameters.fine(), MatchParameters.coarse()
@@ -45,7 +45,7 @@ def roofs(*gables):
     return Roofs(tuple(faces), tuple(numbered))
 
 
-def matched(one, other, params=FINE):
+def tie_planes(one, other, params=FINE):
     """Pairs of face numbers that `match` finds between two strips."""
     try:
         pairs = match({"F1": one, "F2": other}, params).pairs
@@ -66,7 +66,7 @@ def test_the_same_gable_is_matched_face_by_face():
 
 def test_a_gable_seen_from_the_other_end_swaps_left_and_right():
     one, other = roofs(gable_at((0, 0, 6))), roofs(gable_at((0, 0, 6), swap=True))
-    assert matched(one, other) == {(0, 1), (1, 0)}
+    assert tie_planes(one, other) == {(0, 1), (1, 0)}
     part, same = ((gable_at((0, 0, 6), extent=(-9.0, 2.0), swap=swap)) for swap in (False, True))
     assert match({"F1": roofs(part), "F2": roofs(same)}, FINE).pairs[0].distance < 1e-12
 
@@ -76,47 +76,47 @@ def test_distance_across_the_ridge_has_its_threshold(beside, found):
     one, other = roofs(gable_at((0, 0, 6), 30.0)), roofs(gable_at((0, 0, 6), 30.0))
     east, north = beside * np.cos(np.radians(30)), -beside * np.sin(np.radians(30))
     moved = roofs(gable_at((east, north, 6), 30.0))
-    assert bool(matched(one, moved)) is found
-    assert matched(one, other)
+    assert bool(tie_planes(one, moved)) is found
+    assert tie_planes(one, other)
 
 
 @pytest.mark.parametrize(("tilt_deg", "found"), [(2.9, True), (3.1, False)])
 def test_inclination_has_its_threshold(tilt_deg, found):
     one, other = roofs(gable_at((0, 0, 6))), roofs(gable_at((0, 0, 6), tilt_deg=tilt_deg))
-    assert bool(matched(one, other)) is found
+    assert bool(tie_planes(one, other)) is found
 
 
 @pytest.mark.parametrize("wrong", [{"azimuth_deg": 60.0}, {"pitch_deg": 32.0}])
 def test_another_roof_at_the_same_place_is_refused(wrong):
-    assert matched(roofs(gable_at((0, 0, 6))), roofs(gable_at((0, 0, 6), **wrong))) == set()
+    assert tie_planes(roofs(gable_at((0, 0, 6))), roofs(gable_at((0, 0, 6), **wrong))) == set()
 
 
 def test_a_part_of_a_roof_is_matched_though_its_virtual_point_slid_along_the_ridge():
     """12 m of roof; the other strip sees its northern 7 m, and a virtual point 2.5 m north."""
     whole, part = gable_at((0, 0, 6)), gable_at((0, 2.5, 6), extent=(-3.5, 3.5))
-    assert matched(roofs(whole), roofs(part)) == {(0, 0), (1, 1)}
+    assert tie_planes(roofs(whole), roofs(part)) == {(0, 0), (1, 1)}
     pair = match({"F1": roofs(whole), "F2": roofs(part)}, FINE).pairs[0]
     assert pair.distance == pytest.approx(0.0)
 
 
 def test_a_slide_beyond_the_end_of_the_roof_counts():
     one = roofs(gable_at((0, 0, 6)))
-    assert matched(one, roofs(gable_at((0, 0.9, 6)))) == {(0, 0), (1, 1)}
-    assert matched(one, roofs(gable_at((0, 1.1, 6)))) == set()
+    assert tie_planes(one, roofs(gable_at((0, 0.9, 6)))) == {(0, 0), (1, 1)}
+    assert tie_planes(one, roofs(gable_at((0, 1.1, 6)))) == set()
 
 
 @pytest.mark.parametrize("params", [FINE, COARSE], ids=["fine", "coarse"])
 def test_a_neighbour_in_line_is_not_matched_though_the_roof_itself_was_not_seen(params):
     """Twins of 12 m, 1.5 m apart, displaced by 3 m towards each other."""
     one, other = roofs(gable_at((0, 0, 6))), roofs(gable_at((0, 13.5 - 3.0, 6)))
-    assert matched(one, other, params) == set()
+    assert tie_planes(one, other, params) == set()
 
 
 def test_an_end_of_a_neighbour_in_line_is_not_matched_either():
     """Of a neighbour 1.5 m away, 4 m are seen, displaced by 3 m: they overlap by 1.5 m."""
     one, other = roofs(gable_at((0, 0, 6))), roofs(gable_at((0, 6.5, 6), extent=(-2.0, 2.0)))
-    assert matched(one, other, COARSE) == set()
-    assert matched(one, other, replace(COARSE, overlap=0.3)) == {(0, 0), (1, 1)}
+    assert tie_planes(one, other, COARSE) == set()
+    assert tie_planes(one, other, replace(COARSE, overlap=0.3)) == {(0, 0), (1, 1)}
 
 
 @pytest.mark.parametrize("shift", [(3.2, 0.0, 0.0), (0.0, -3.2, 0.0), (2.2, 2.2, 0.5)])
@@ -125,21 +125,21 @@ def test_twins_keep_apart_under_a_shift_of_three_metres(shift):
     places = np.array([(0, 0, 6), (10, 0, 6), (0, 15, 6), (10, 15, 6)], float)
     one = roofs(*(gable_at(p) for p in places))
     other = roofs(*(gable_at(p + shift) for p in places))
-    assert matched(one, other, COARSE) == {(k, k) for k in range(8)}
+    assert tie_planes(one, other, COARSE) == {(k, k) for k in range(8)}
 
 
 def test_two_equal_candidates_are_both_refused():
     one = roofs(gable_at((0, 0, 6)))
     other = roofs(gable_at((-3, 0, 6)), gable_at((3.3, 0, 6)))
-    assert matched(one, other, COARSE) == set()
-    assert matched(one, other, replace(COARSE, distinct=1.0)) == {(0, 0), (1, 1)}
+    assert tie_planes(one, other, COARSE) == set()
+    assert tie_planes(one, other, replace(COARSE, distinct=1.0)) == {(0, 0), (1, 1)}
 
 
 def test_best_must_be_mutual():
     """B is nearest to A, but nearer to C: neither A-B nor, unclear beside it, a wrong pair."""
     one = roofs(gable_at((0, 0, 6)), gable_at((4.5, 0, 6)))
     other = roofs(gable_at((3.5, 0, 6)))
-    assert matched(one, other, COARSE) == {(2, 0), (3, 1)}
+    assert tie_planes(one, other, COARSE) == {(2, 0), (3, 1)}
 
 
 def test_nothing_in_common_raises_with_numbers_and_remedy():
@@ -158,14 +158,14 @@ def pair(one, other, distance=0.1):
 
 def test_tie_planes_are_connected_components():
     pairs = [pair("F10", "F20"), pair("F20", "F30"), pair("F11", "F31")]
-    assert tie_planes(pairs) == ((("F1", 0), ("F2", 0), ("F3", 0)), (("F1", 1), ("F3", 1)))
-    assert tie_planes([]) == ()
+    assert connected_faces(pairs) == ((("F1", 0), ("F2", 0), ("F3", 0)), (("F1", 1), ("F3", 1)))
+    assert connected_faces([]) == ()
 
 
 def test_a_second_face_of_a_strip_is_left_out_of_a_component():
     """F1-0 = F2-0 = F3-0 by near pairs; the far pair F3-0 = F1-1 contradicts them."""
     pairs = [pair("F30", "F11", 0.9), pair("F10", "F20", 0.1), pair("F20", "F30", 0.2)]
-    assert tie_planes(pairs) == ((("F1", 0), ("F2", 0), ("F3", 0)),)
+    assert connected_faces(pairs) == ((("F1", 0), ("F2", 0), ("F3", 0)),)
 
 
 def test_matches_are_free_of_contradictions():
@@ -180,7 +180,7 @@ def test_matches_are_free_of_contradictions():
             for a, b in (("F1", "F2"), ("F1", "F3"), ("F2", "F3"))]  # fmt: skip
     assert [{p.reference[1] for p in pairs} for pairs in each] == [{0, 1}, {2, 3}, {0, 1}]
     found = match(strips, FINE)
-    assert found.tie_planes() == tie_planes(found.pairs)
+    assert found.connected_faces() == connected_faces(found.pairs)
     # nearest first: F1-F3 stays, with it F1-F2, and F2-F3 would tie both roofs of F1
     assert {p.reference[0] + p.search[0] for p in found.pairs} == {"F1F3", "F1F2"}
     assert len(found.pairs) == 4
@@ -193,7 +193,7 @@ class Flight:
         self.survey, self.truth = cached(simulate, make_config(**config))
         self.points = cached(find_candidates, self.survey)
 
-    def matched(self, boresight, roofs, matching, fan_deg=90.0):
+    def tie_planes(self, boresight, roofs, matching, fan_deg=90.0):
         """Truth's labels (P, 2) of the faces paired in one pass under ``boresight`` (3,) rad."""
         mounting, found, views = self.survey.mounting.with_calibration(boresight), {}, {}
         for strip in self.survey.strips:
@@ -210,11 +210,11 @@ class Flight:
 
     def fine(self, error_deg):
         boresight = self.truth.boresight + np.radians(error_deg)
-        return self.matched(boresight, RoofParameters.fine(), FINE)
+        return self.tie_planes(boresight, RoofParameters.fine(), FINE)
 
     def coarse(self, error_deg):
         boresight = self.truth.boresight + np.radians(error_deg)
-        return self.matched(boresight, RoofParameters.coarse(), COARSE, fan_deg=3.5)
+        return self.tie_planes(boresight, RoofParameters.coarse(), COARSE, fan_deg=3.5)
 
     def recall(self, label):
         """Of the faces of 20 m² or more that lie in two strips or more."""

@@ -15,8 +15,8 @@ RUN = Run("mount", "quick", 1.0, 7)
 
 @pytest.fixture(scope="module")
 def rows():
-    matched, truth, _ = matched_faces()
-    results = {name: calibrate(survey_of(), matched, name) for name in ("SL", "A")}
+    tie_planes, truth, _ = matched_faces()
+    results = {name: calibrate(survey_of(), tie_planes, name) for name in ("SL", "A")}
     return frame(calibration_rows(RUN, results, truth.boresight + np.deg2rad([0.1, 0.2, 0.3])))
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from paperrepro.method.tie_planes import MatchedFaces
+from paperrepro.method.tie_planes import TiePlanes
 from paperrepro.survey import Survey
 
 TINY = 1e-30
@@ -58,7 +58,7 @@ class Problem:
     """
 
     survey: Survey
-    matched: MatchedFaces
+    tie_planes: TiePlanes
     obs: np.ndarray
     sigma: np.ndarray
     column: np.ndarray
@@ -68,8 +68,8 @@ class Problem:
     plane: np.ndarray
 
     @classmethod
-    def of(cls, survey: Survey, matched: MatchedFaces, range_offsets: str) -> "Problem":
-        rays = matched.rays
+    def of(cls, survey: Survey, tie_planes: TiePlanes, range_offsets: str) -> "Problem":
+        rays = tie_planes.rays
         obs = np.column_stack([rays.pose, rays.rho, rays.azimuth, rays.elevation])
         scanner, navigation = survey.scanner, survey.navigation
         laser = [scanner.range_sigma, scanner.angle_sigma, scanner.angle_sigma]
@@ -80,10 +80,12 @@ class Problem:
             "common": (np.full(len(ring), 3), 4),
             "per_ring": (3 + ring, 3 + scanner.n_rings),
         }[range_offsets]
-        face = np.repeat(np.arange(len(matched.ranges)), np.diff(matched.ranges, axis=1).ravel())
+        face = np.repeat(
+            np.arange(len(tie_planes.ranges)), np.diff(tie_planes.ranges, axis=1).ravel()
+        )
         return cls(
-            survey, matched, obs, sigma, column, size, scanner.range_offset_sigma,
-            face, np.asarray(matched.plane)[face],
+            survey, tie_planes, obs, sigma, column, size, scanner.range_offset_sigma,
+            face, np.asarray(tie_planes.plane)[face],
         )  # fmt: skip
 
     def points(self, x, obs=None, rows=slice(None)):
@@ -211,7 +213,7 @@ class _FreeSystem:
         on_plane = (n * problem.points(x, obs)).sum(axis=1) - d
         parts = [on_plane]
         if self.centroids:
-            n, d = planes[problem.matched.plane, :3], planes[problem.matched.plane, 3]
+            n, d = planes[problem.tie_planes.plane, :3], planes[problem.tie_planes.plane, 3]
             parts.append((n * problem.centroids(x)).sum(axis=1) - d)
         pseudo = x[3:] - (v[len(v) - self.n_pseudo :] if self.n_pseudo else 0)
         return np.concatenate([*parts, pseudo])
@@ -229,7 +231,7 @@ class _FreeSystem:
         J_c = problem.virtual_derivatives(x)
         for f in range(self.n_faces):
             row, first = self.n_points + f, 9 * (self.n_points + f)
-            B[row, first : first + 9] = planes[problem.matched.plane[f], :3] @ J_c[f]
+            B[row, first : first + 9] = planes[problem.tie_planes.plane[f], :3] @ J_c[f]
         for k in range(self.n_pseudo):
             B[len(B) - self.n_pseudo + k, len(v) - self.n_pseudo + k] = -1
         value = self.conditions(unknowns, v)
@@ -280,7 +282,7 @@ class _PairSystem:
 
     def __init__(self, problem, with_points, with_centroids):
         self.problem, self.with_centroids = problem, with_centroids
-        self.reference, self.search = problem.matched.pairs.T
+        self.reference, self.search = problem.tie_planes.pairs.T
         rows = [np.flatnonzero(problem.face == f) for f in self.search] if with_points else []
         self.rows = np.concatenate(rows) if rows else np.zeros(0, int)
         self.pair = np.repeat(np.arange(len(rows)), [len(r) for r in rows]).astype(int)

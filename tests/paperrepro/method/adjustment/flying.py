@@ -6,7 +6,7 @@ import numpy as np
 
 from paperrepro.method.adjustment.trajectory_equations import GaussMarkov
 from paperrepro.method.adjustment.trajectory_errors import specified_process
-from paperrepro.method.tie_planes import MatchedFaces
+from paperrepro.method.tie_planes import TiePlanes
 from tests.paperrepro.labelled import NAVIGATION, SCANNER, matched_faces
 
 SPEED = 4.5
@@ -14,26 +14,26 @@ TURN = 20.0
 LINE = 30.0
 
 
-def with_times(matched: MatchedFaces, headings_deg) -> MatchedFaces:
+def with_times(tie_planes: TiePlanes, headings_deg) -> TiePlanes:
     """Times from the place along each line; the lines F1, F2, ... follow each other after turns."""
     strip = np.repeat(
-        [int(name[1:]) - 1 for name in matched.strips], np.diff(matched.ranges, axis=1)[:, 0]
+        [int(name[1:]) - 1 for name in tie_planes.strips], np.diff(tie_planes.ranges, axis=1)[:, 0]
     )
     heading = np.deg2rad(headings_deg)[strip]
-    pose = matched.rays.pose
+    pose = tie_planes.rays.pose
     along = pose[:, 0] * np.sin(heading) + pose[:, 1] * np.cos(heading)
     time = strip * (LINE + TURN) + LINE / 2 + along / SPEED
-    return replace(matched, rays=replace(matched.rays, time=time))
+    return replace(tie_planes, rays=replace(tie_planes.rays, time=time))
 
 
-def with_trajectory_error(matched, rng, process: GaussMarkov, range_sigma=SCANNER.range_sigma):
+def with_trajectory_error(tie_planes, rng, process: GaussMarkov, range_sigma=SCANNER.range_sigma):
     """Reported poses miss the true ones by a Gauss-Markov error; ranges have white noise."""
-    rays = matched.rays
+    rays = tie_planes.rays
     order = np.argsort(rays.time)
     error = np.empty((len(rays), 6))
     error[order] = realisation(rng, process, rays.time[order])
     rho = rays.rho + range_sigma * rng.standard_normal(len(rays))
-    return replace(matched, rays=replace(rays, pose=rays.pose - error, rho=rho))
+    return replace(tie_planes, rays=replace(rays, pose=rays.pose - error, rho=rho))
 
 
 def realisation(rng, process: GaussMarkov, time) -> np.ndarray:
@@ -51,12 +51,12 @@ def flown(
     seed, headings=(0.0, 180.0, 90.0, 270.0), scale=1.0, count=120, n_roofs=6,
     range_sigma=SCANNER.range_sigma, azimuth_deg=None,
 ):  # fmt: skip
-    """`MatchedFaces` with the default trajectory error times ``scale``, and the true `Mounting`."""
-    matched, truth, _ = matched_faces(
+    """`TiePlanes` with the default trajectory error times ``scale``, and the true `Mounting`."""
+    tie_planes, truth, _ = matched_faces(
         seed, count=count, n_roofs=n_roofs, headings=headings, azimuth_deg=azimuth_deg
     )
-    matched = with_times(matched, headings)
+    tie_planes = with_times(tie_planes, headings)
     specified = specified_process(NAVIGATION)
     process = GaussMarkov(scale * specified.sigma, specified.correlation_time)
     rng = np.random.default_rng(1000 + seed)
-    return with_trajectory_error(matched, rng, process, range_sigma), truth
+    return with_trajectory_error(tie_planes, rng, process, range_sigma), truth

@@ -19,17 +19,20 @@ STEP = 1e-6
 
 @pytest.fixture(scope="module")
 def model():
-    matched, truth, planes = matched_faces(n_roofs=2, count=30)
+    tie_planes, truth, planes = matched_faces(n_roofs=2, count=30)
     unknowns = Unknowns.layout(truth, SCANNER.n_rings, "per_ring")
     x = np.append(np.deg2rad([2.0, -1.0, 3.0]), np.linspace(-0.02, 0.02, 16))
-    return matched, unknowns, x, planes
+    return tie_planes, unknowns, x, planes
 
 
 def test_derivatives_of_the_virtual_ray(model):
     """The ray from the mean pose to the centroid, which ends there, moved in each observation."""
-    matched, unknowns, x, _ = model
-    states, poses = face_states(matched.rays, matched.ranges, unknowns, x), matched.mean_poses()
-    problem = dense.Problem.of(survey_of(), matched, "per_ring")
+    tie_planes, unknowns, x, _ = model
+    states, poses = (
+        face_states(tie_planes.rays, tie_planes.ranges, unknowns, x),
+        tie_planes.mean_poses(),
+    )
+    problem = dense.Problem.of(survey_of(), tie_planes, "per_ring")
     ends = dense.points(x[:3], 0.0, problem.virtual_rays(x)[0], unknowns.mounting)
     np.testing.assert_allclose(ends, states.centroid, rtol=0, atol=1e-12)
     J_l = virtual_jacobians(states.centroid, poses, unknowns, x)
@@ -37,9 +40,9 @@ def test_derivatives_of_the_virtual_ray(model):
 
 
 def test_mean_poses_are_the_means_of_the_faces(model):
-    matched = model[0]
-    expected = [matched.rays.pose[first:stop].mean(axis=0) for first, stop in matched.ranges]
-    np.testing.assert_allclose(matched.mean_poses(), expected, rtol=0, atol=1e-12)
+    tie_planes = model[0]
+    expected = [tie_planes.rays.pose[first:stop].mean(axis=0) for first, stop in tie_planes.ranges]
+    np.testing.assert_allclose(tie_planes.mean_poses(), expected, rtol=0, atol=1e-12)
 
 
 def test_averaging_lowers_the_laser_s_variance_but_not_the_pose_s():
@@ -64,23 +67,23 @@ def test_height_of_a_level_nadir_centroid_has_the_range_s_and_the_height_s_varia
 
 def test_blocks_are_the_normal_equations_of_the_written_rows(model):
     """Misclosure and design row of ``n . c(x) - d`` by differences, summed per plane."""
-    matched, unknowns, x, planes = model
-    face, s = np.arange(len(matched.ranges)), np.linspace(1e-4, 3e-4, len(matched.ranges))
+    tie_planes, unknowns, x, planes = model
+    face, s = np.arange(len(tie_planes.ranges)), np.linspace(1e-4, 3e-4, len(tie_planes.ranges))
     origin = planes[:, :3] * planes[:, 3:]
 
     def states(at):
-        return face_states(matched.rays, matched.ranges, unknowns, at)
+        return face_states(tie_planes.rays, tie_planes.ranges, unknowns, at)
 
     def conditions(at, shifted):
-        n, d = shifted[matched.plane, :3], shifted[matched.plane, 3]
-        return ((states(at).centroid - origin[matched.plane]) * n).sum(axis=1) - d
+        n, d = shifted[tie_planes.plane, :3], shifted[tie_planes.plane, 3]
+        return ((states(at).centroid - origin[tie_planes.plane]) * n).sum(axis=1) - d
 
     relative = planes.copy()
     relative[:, 3] -= (planes[:, :3] * origin).sum(axis=1)
-    blocks = centroid_blocks(face, matched.plane, states(x), origin, relative, s)
+    blocks = centroid_blocks(face, tie_planes.plane, states(x), origin, relative, s)
     w = conditions(x, relative)
     for g in range(len(planes)):
-        rows = matched.plane == g
+        rows = tie_planes.plane == g
         row = _row(conditions, x, relative, rows)
         np.testing.assert_allclose(blocks.N[g], row.T @ (row / s[rows, None]), rtol=1e-5, atol=1)
         np.testing.assert_allclose(blocks.t[g], row.T @ (w / s)[rows], rtol=1e-5, atol=0.1)

@@ -16,41 +16,43 @@ from tests.paperrepro.method.adjustment.flying import flown
 NOISE = TrueNoise(specified_process(NAVIGATION), SCANNER.range_offset_sigma)
 
 
-def bound_of(matched, truth, noise=NOISE, **options):
-    return np.sqrt(np.diag(cramer_rao_bound(survey_of(), matched, truth, noise, **options)))
+def bound_of(tie_planes, truth, noise=NOISE, **options):
+    return np.sqrt(np.diag(cramer_rao_bound(survey_of(), tie_planes, truth, noise, **options)))
 
 
 def test_it_is_the_formal_sigma_of_an_adjustment_that_knows_the_noise():
-    matched, truth = flown(4, count=40)
-    formal = calibrate_with_trajectory(survey_of(), matched).sigma
-    np.testing.assert_allclose(bound_of(matched, truth), formal, rtol=0.03)
+    tie_planes, truth = flown(4, count=40)
+    formal = calibrate_with_trajectory(survey_of(), tie_planes).sigma
+    np.testing.assert_allclose(bound_of(tie_planes, truth), formal, rtol=0.03)
 
 
 def test_closer_nodes_change_it_no_more():
-    matched, truth = flown(4, count=40)
-    finer = bound_of(matched, truth, spacing=0.025)
-    np.testing.assert_allclose(bound_of(matched, truth), finer, rtol=0.002)
+    tie_planes, truth = flown(4, count=40)
+    finer = bound_of(tie_planes, truth, spacing=0.025)
+    np.testing.assert_allclose(bound_of(tie_planes, truth), finer, rtol=0.002)
 
 
 def test_more_noise_and_fewer_points_raise_it():
-    matched, truth = flown(4, count=40)
-    least = bound_of(matched, truth)
+    tie_planes, truth = flown(4, count=40)
+    least = bound_of(tie_planes, truth)
     twice = GaussMarkov(2 * NOISE.process.sigma, NOISE.process.correlation_time)
-    assert (bound_of(matched, truth, TrueNoise(twice, NOISE.range_offset_sigma)) > least).all()
-    assert (bound_of(matched.thinned(10), truth) > least).all()
+    assert (bound_of(tie_planes, truth, TrueNoise(twice, NOISE.range_offset_sigma)) > least).all()
+    assert (bound_of(tie_planes.thinned(10), truth) > least).all()
 
 
 @pytest.mark.slow
 def test_no_scenario_undercuts_it_over_many_seeds():
     squares, bounds = {"SL": [], "D": []}, []
     for seed in range(20):
-        matched, truth = flown(seed, count=40)
-        bounds.append(np.square(bound_of(matched, truth)))
+        tie_planes, truth = flown(seed, count=40)
+        bounds.append(np.square(bound_of(tie_planes, truth)))
         squares["D"].append(
-            np.square(calibrate_with_trajectory(survey_of(), matched).boresight - truth.boresight)
+            np.square(
+                calibrate_with_trajectory(survey_of(), tie_planes).boresight - truth.boresight
+            )
         )
         squares["SL"].append(
-            np.square(calibrate(survey_of(), matched, "SL").boresight - truth.boresight)
+            np.square(calibrate(survey_of(), tie_planes, "SL").boresight - truth.boresight)
         )
     ratio = {name: np.sqrt(np.sum(s) / np.sum(bounds)) for name, s in squares.items()}
     assert 0.85 < ratio["D"] < 1.15

@@ -15,17 +15,17 @@ STEP, DIFFERENCE = 1e-6, 1e-7
 @pytest.fixture(scope="module")
 def faces():
     """Noisy faces, so that the points scatter about their planes."""
-    matched, truth, _ = matched_faces(n_roofs=2, count=30, offsets=np.linspace(-0.02, 0.02, 16))
-    return with_noise(matched, np.random.default_rng(8)), truth
+    tie_planes, truth, _ = matched_faces(n_roofs=2, count=30, offsets=np.linspace(-0.02, 0.02, 16))
+    return with_noise(tie_planes, np.random.default_rng(8)), truth
 
 
 @pytest.fixture(scope="module", params=["none", "common", "per_ring"])
 def at(request, faces):
     """States as a function of x, and an x that is not the truth."""
-    matched, truth = faces
+    tie_planes, truth = faces
     unknowns = Unknowns.layout(truth, SCANNER.n_rings, request.param)
     x = np.random.default_rng(1).normal(0, 0.02, unknowns.size)
-    return lambda at_x: face_states(matched.rays, matched.ranges, unknowns, at_x), x
+    return lambda at_x: face_states(tie_planes.rays, tie_planes.ranges, unknowns, at_x), x
 
 
 def differences(function, x):
@@ -46,11 +46,11 @@ def test_derivative_of_the_plane(at):
 
 
 def test_states_are_those_of_the_georeferenced_points(faces):
-    matched, truth = faces
+    tie_planes, truth = faces
     unknowns = Unknowns.layout(truth, SCANNER.n_rings, "none")
-    states = face_states(matched.rays, matched.ranges, unknowns, truth.boresight)
-    p_m = georeference(matched.rays, truth)
-    for f, (first, stop) in enumerate(matched.ranges):
+    states = face_states(tie_planes.rays, tie_planes.ranges, unknowns, truth.boresight)
+    p_m = georeference(tie_planes.rays, truth)
+    for f, (first, stop) in enumerate(tie_planes.ranges):
         plane = best_plane(p_m[first:stop])
         distances = p_m[first:stop] @ plane[:3] - plane[3]
         assert states.count[f] == stop - first
@@ -62,9 +62,9 @@ def test_states_are_those_of_the_georeferenced_points(faces):
 
 
 def test_a_plane_is_normal_dot_point_minus_d_with_an_upward_unit_normal(faces):
-    matched, truth = faces
+    tie_planes, truth = faces
     unknowns = Unknowns.layout(truth, SCANNER.n_rings, "none")
-    states = face_states(matched.rays, matched.ranges, unknowns, truth.boresight)
+    states = face_states(tie_planes.rays, tie_planes.ranges, unknowns, truth.boresight)
     n, d = states.plane[:, :3], states.plane[:, 3]
     np.testing.assert_allclose((n**2).sum(axis=1), 1, atol=1e-14)
     np.testing.assert_allclose((n * states.centroid).sum(axis=1) - d, 0, atol=1e-12)
@@ -72,8 +72,8 @@ def test_a_plane_is_normal_dot_point_minus_d_with_an_upward_unit_normal(faces):
 
 
 def test_the_true_boresight_finds_the_true_planes():
-    matched, truth, planes = matched_faces(n_roofs=2, count=30)
+    tie_planes, truth, planes = matched_faces(n_roofs=2, count=30)
     unknowns = Unknowns.layout(truth, SCANNER.n_rings, "none")
-    states = face_states(matched.rays, matched.ranges, unknowns, truth.boresight)
-    np.testing.assert_allclose(states.plane, planes[matched.plane], rtol=0, atol=1e-10)
+    states = face_states(tie_planes.rays, tie_planes.ranges, unknowns, truth.boresight)
+    np.testing.assert_allclose(states.plane, planes[tie_planes.plane], rtol=0, atol=1e-10)
     assert states.rms.max() < 1e-6  # sqrt of a rounded zero eigenvalue

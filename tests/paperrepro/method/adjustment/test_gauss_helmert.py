@@ -28,8 +28,10 @@ def named(scenario):
 @pytest.fixture(scope="module")
 def noisy():
     """Four planes from three strips, eight points each: 96 points with nine observations."""
-    matched, _, _ = matched_faces(n_roofs=2, headings=(0.0, 180.0, 90.0), count=8, offsets=OFFSETS)
-    return with_noise(matched, np.random.default_rng(4))
+    tie_planes, _, _ = matched_faces(
+        n_roofs=2, headings=(0.0, 180.0, 90.0), count=8, offsets=OFFSETS
+    )
+    return with_noise(tie_planes, np.random.default_rng(4))
 
 
 @pytest.fixture(scope="module", params=FREE, ids=named)

@@ -18,16 +18,16 @@ WRONG = np.array([0.04, -0.03, 0.02])
 def test_an_error_of_the_lever_arm_is_found_within_its_sigma():
     standardised = []
     for seed in range(10):
-        matched, truth = flown(seed, count=60)
+        tie_planes, truth = flown(seed, count=60)
         start = survey_of(start=Mounting(lever_arm=LEVER_ARM + WRONG))
-        arm = calibrate_with_trajectory(start, matched, lever_arm=True).lever_arm
+        arm = calibrate_with_trajectory(start, tie_planes, lever_arm=True).lever_arm
         standardised.append((arm.value - truth.lever_arm)[:2] / arm.sigma[:2])
     assert np.abs(standardised).max() < 4
     assert np.square(standardised).mean() == pytest.approx(1.0, abs=0.7)
 
 
 def test_without_noise_the_lever_arm_is_found_with_the_boresight():
-    matched, truth = flown(1, scale=1e-4, count=120, range_sigma=1e-5)
+    tie_planes, truth = flown(1, scale=1e-4, count=120, range_sigma=1e-5)
     survey = survey_of(start=Mounting(lever_arm=LEVER_ARM + WRONG))
     navigation = replace(
         survey.navigation,
@@ -36,7 +36,7 @@ def test_without_noise_the_lever_arm_is_found_with_the_boresight():
     )
     scanner = replace(survey.scanner, range_sigma=1e-5, angle_sigma=1e-7)
     survey = replace(survey, navigation=navigation, scanner=scanner)
-    result = calibrate(survey, matched, "D", robust=False, lever_arm=True)
+    result = calibrate(survey, tie_planes, "D", robust=False, lever_arm=True)
     np.testing.assert_allclose(result.lever_arm.value, truth.lever_arm, atol=1e-4)
     np.testing.assert_allclose(result.calibrated.lever_arm, truth.lever_arm, atol=1e-4)
     np.testing.assert_allclose(result.boresight, truth.boresight, atol=1e-6)
@@ -44,9 +44,9 @@ def test_without_noise_the_lever_arm_is_found_with_the_boresight():
 
 
 def test_a_flight_without_tilts_does_not_determine_its_height_and_says_so():
-    matched, _, _ = matched_faces(0, gusts=False)
+    tie_planes, _, _ = matched_faces(0, gusts=False)
     result = calibrate_with_trajectory(
-        survey_of(), with_times(matched, HEADINGS_DEG), lever_arm=True
+        survey_of(), with_times(tie_planes, HEADINGS_DEG), lever_arm=True
     )
     arm = result.lever_arm
     assert list(arm.determined) == [True, True, False]
@@ -55,6 +55,6 @@ def test_a_flight_without_tilts_does_not_determine_its_height_and_says_so():
 
 
 def test_the_others_hold_it():
-    matched, _ = flown(0, count=40)
-    assert calibrate(survey_of(), matched, "D").lever_arm is None
-    assert calibrate(survey_of(), matched, "SL").lever_arm is None
+    tie_planes, _ = flown(0, count=40)
+    assert calibrate(survey_of(), tie_planes, "D").lever_arm is None
+    assert calibrate(survey_of(), tie_planes, "SL").lever_arm is None

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from paperrepro.errors import RankDefect, TooFewPlanes
-from paperrepro.method.tie_planes import MatchedFaces, require_spread
+from paperrepro.method.tie_planes import TiePlanes, require_spread
 from paperrepro.survey import Rays
 
 
@@ -20,36 +20,36 @@ PLANES = [[4, 0], [2, 7, 1], [3, 8], [6]]
 
 
 @pytest.fixture
-def matched():
+def tie_planes():
     pairs = [(0, 4), (7, 1), (3, 8), (0, 7), (5, 2)]  # across two planes; with a face on none
-    return MatchedFaces.build(FACES, STRIPS, PLANES, pairs)
+    return TiePlanes.build(FACES, STRIPS, PLANES, pairs)
 
 
-def test_faces_are_sorted_by_plane(matched):
-    assert matched.strips == ("F4", "F0", "F2", "F7", "F1", "F3", "F8", "F6")
-    np.testing.assert_array_equal(matched.plane, [0, 0, 1, 1, 1, 2, 2, 3])
-    assert matched.n_planes == 4
+def test_faces_are_sorted_by_plane(tie_planes):
+    assert tie_planes.strips == ("F4", "F0", "F2", "F7", "F1", "F3", "F8", "F6")
+    np.testing.assert_array_equal(tie_planes.plane, [0, 0, 1, 1, 1, 2, 2, 3])
+    assert tie_planes.n_planes == 4
 
 
-def test_ranges_hold_each_face_s_own_points(matched):
-    for (first, stop), strip in zip(matched.ranges, matched.strips, strict=True):
+def test_ranges_hold_each_face_s_own_points(tie_planes):
+    for (first, stop), strip in zip(tie_planes.ranges, tie_planes.strips, strict=True):
         number = int(strip[1:])
-        np.testing.assert_array_equal(matched.rays.rho[first:stop], np.full(number + 1, number))
+        np.testing.assert_array_equal(tie_planes.rays.rho[first:stop], np.full(number + 1, number))
 
 
-def test_plane_ranges_join_the_faces_of_a_plane(matched):
-    np.testing.assert_array_equal(matched.plane_ranges, [[0, 6], [6, 19], [19, 32], [32, 39]])
-    assert matched.plane_ranges[-1, 1] == len(matched.rays)
+def test_plane_ranges_join_the_faces_of_a_plane(tie_planes):
+    np.testing.assert_array_equal(tie_planes.plane_ranges, [[0, 6], [6, 19], [19, 32], [32, 39]])
+    assert tie_planes.plane_ranges[-1, 1] == len(tie_planes.rays)
 
 
-def test_pairs_follow_their_faces_and_only_within_a_plane(matched):
-    named = [(matched.strips[a], matched.strips[b]) for a, b in matched.pairs]
+def test_pairs_follow_their_faces_and_only_within_a_plane(tie_planes):
+    named = [(tie_planes.strips[a], tie_planes.strips[b]) for a, b in tie_planes.pairs]
     assert named == [("F0", "F4"), ("F7", "F1"), ("F3", "F8")]
 
 
 def test_fewer_than_four_planes():
     with pytest.raises(TooFewPlanes) as error:
-        MatchedFaces.build(FACES, STRIPS, PLANES[:3], [])
+        TiePlanes.build(FACES, STRIPS, PLANES[:3], [])
     for fact in ("at least 4", "got 3", "more roofs", "thresholds"):
         assert fact in str(error.value)
 

@@ -37,14 +37,22 @@ def test_variances_follow_the_order_of_the_observations():
 
 @pytest.fixture(scope="module")
 def blocks_at():
-    matched, truth, planes = matched_faces(n_roofs=2, count=20)
-    matched = with_noise(matched, np.random.default_rng(2))
+    tie_planes, truth, planes = matched_faces(n_roofs=2, count=20)
+    tie_planes = with_noise(tie_planes, np.random.default_rng(2))
     unknowns = Unknowns.layout(truth, SCANNER.n_rings, "per_ring")
     origin = np.zeros((len(planes), 3))
     variances = observation_variances(NAVIGATION, SCANNER)
 
     def blocks(x, at_planes):
-        arguments = (matched.rays, matched.plane_ranges, origin, at_planes, unknowns, x, variances)
+        arguments = (
+            tie_planes.rays,
+            tie_planes.plane_ranges,
+            origin,
+            at_planes,
+            unknowns,
+            x,
+            variances,
+        )
         return point_blocks(*arguments)
 
     return blocks, unknowns.start(), planes

@@ -14,24 +14,24 @@ from tests.paperrepro.method.adjustment.flying import flown
 VIEW = 5
 
 
-def biased(matched, truth, view, normal, bias):
-    """``matched``, the points of one view moved by ``bias`` m along ``normal`` by their ranges."""
-    rows = slice(*matched.ranges[view])
-    rays = matched.rays
+def biased(tie_planes, truth, view, normal, bias):
+    """``tie_planes``, points of one view moved by ``bias`` m along ``normal`` by their ranges."""
+    rows = slice(*tie_planes.ranges[view])
+    rays = tie_planes.rays
     longer = georeference(replace(rays, rho=rays.rho + 1.0), truth) - georeference(rays, truth)
     rho = rays.rho.copy()
     rho[rows] += bias / (longer[rows] @ normal)
-    return replace(matched, rays=replace(rays, rho=rho))
+    return replace(tie_planes, rays=replace(rays, rho=rho))
 
 
 @pytest.fixture(scope="module")
 def pair():
     """Results without and with a bias as large as just detectable in one view."""
-    matched, truth = flown(2, count=60)
-    clean = calibrate_with_trajectory(survey_of(), matched)
-    normal = clean.planes[matched.plane[VIEW], :3]
+    tie_planes, truth = flown(2, count=60)
+    clean = calibrate_with_trajectory(survey_of(), tie_planes)
+    normal = clean.planes[tie_planes.plane[VIEW], :3]
     size = clean.reliability.detectable[VIEW]
-    wrong = biased(matched, truth, VIEW, normal, size)
+    wrong = biased(tie_planes, truth, VIEW, normal, size)
     return clean, calibrate_with_trajectory(survey_of(), wrong)
 
 
@@ -59,8 +59,8 @@ def test_the_biased_view_stands_out(pair):
 def test_standardised_biases_are_standard_normal_where_nothing_is_wrong():
     found = []
     for seed in range(8):
-        matched, _ = flown(seed, count=40)
-        found.append(calibrate_with_trajectory(survey_of(), matched).reliability.standardised)
+        tie_planes, _ = flown(seed, count=40)
+        found.append(calibrate_with_trajectory(survey_of(), tie_planes).reliability.standardised)
     assert np.std(np.concatenate(found)) == pytest.approx(1.0, abs=0.12)
 
 
@@ -68,11 +68,11 @@ def test_redundancy_is_a_share_and_a_second_view_of_a_plane_helps(pair):
     clean, _ = pair
     q = clean.reliability
     assert ((q.redundancy > 0) & (q.redundancy < 1)).all()
-    matched, _ = flown(2, count=60)
-    fewer = np.ones(len(matched.ranges), bool)
-    others = np.flatnonzero(matched.plane == matched.plane[VIEW])
+    tie_planes, _ = flown(2, count=60)
+    fewer = np.ones(len(tie_planes.ranges), bool)
+    others = np.flatnonzero(tie_planes.plane == tie_planes.plane[VIEW])
     fewer[others[others != VIEW][:2]] = False
-    poorer = calibrate_with_trajectory(survey_of(), matched.subset(fewer)).reliability
+    poorer = calibrate_with_trajectory(survey_of(), tie_planes.subset(fewer)).reliability
     now = np.flatnonzero(poorer.plane == q.plane[VIEW])
     assert poorer.detectable[now].max() > q.detectable[VIEW]
 

@@ -37,10 +37,10 @@ def offsets_of(scenario):
 @pytest.mark.parametrize("boresight_deg", BORESIGHTS_DEG, ids=str)
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_points_without_noise_return_the_boresight(scenario, boresight_deg):
-    matched, truth, _ = matched_faces(
+    tie_planes, truth, _ = matched_faces(
         boresight_deg=boresight_deg, offsets=offsets_of(scenario), count=40
     )
-    result = calibrate(survey_of(scanner=UNPULLED), matched, scenario)
+    result = calibrate(survey_of(scanner=UNPULLED), tie_planes, scenario)
     error_deg = np.rad2deg(result.boresight - truth.boresight)
     np.testing.assert_allclose(error_deg, 0, atol=1e-8)
     if result.range_offsets is not None:
@@ -49,24 +49,24 @@ def test_points_without_noise_return_the_boresight(scenario, boresight_deg):
 
 @pytest.mark.parametrize("scenario", ["SL", "C"])
 def test_points_without_noise_return_the_planes(scenario):
-    matched, _, planes = matched_faces(offsets=offsets_of(scenario), count=40)
-    result = calibrate(survey_of(scanner=UNPULLED), matched, scenario)
+    tie_planes, _, planes = matched_faces(offsets=offsets_of(scenario), count=40)
+    result = calibrate(survey_of(scanner=UNPULLED), tie_planes, scenario)
     np.testing.assert_allclose(result.planes, planes, rtol=0, atol=1e-8)
 
 
 def test_a_common_offset_is_found_where_every_ring_has_the_same():
     scenario = Scenario("common", "common", free_planes=True, points=True, centroids=False)
-    matched, _, _ = matched_faces(offsets=np.full(16, 0.025), count=40)
-    result = calibrate(survey_of(scanner=UNPULLED), matched, scenario)
+    tie_planes, _, _ = matched_faces(offsets=np.full(16, 0.025), count=40)
+    result = calibrate(survey_of(scanner=UNPULLED), tie_planes, scenario)
     np.testing.assert_allclose(result.range_offsets, 0.025, rtol=0, atol=1e-9)
     assert result.covariance.shape == (4, 4)
 
 
 @pytest.mark.parametrize("scenario", ["SL", "A"])
 def test_known_offsets_are_kept_where_none_are_estimated(scenario):
-    matched, truth, _ = matched_faces(offsets=OFFSETS, count=40)
+    tie_planes, truth, _ = matched_faces(offsets=OFFSETS, count=40)
     start = truth.with_calibration(np.zeros(3), OFFSETS)
-    result = calibrate(survey_of(start), matched, scenario)
+    result = calibrate(survey_of(start), tie_planes, scenario)
     np.testing.assert_allclose(result.boresight, truth.boresight, rtol=0, atol=1e-10)
     assert result.range_offsets is None
 
@@ -77,10 +77,10 @@ def test_known_offsets_are_kept_where_none_are_estimated(scenario):
 @pytest.mark.parametrize("scenario", SCENARIOS)
 @pytest.mark.parametrize("start_deg", [(1.1, -0.8, 1.3), (-3, 3, -3)], ids=["truth", "far"])
 def test_the_estimate_does_not_depend_on_the_start(scenario, start_deg):
-    matched, truth, _ = matched_faces(offsets=offsets_of(scenario), count=40)
-    matched = with_noise(matched, np.random.default_rng(6))
+    tie_planes, truth, _ = matched_faces(offsets=offsets_of(scenario), count=40)
+    tie_planes = with_noise(tie_planes, np.random.default_rng(6))
     start = truth.with_calibration(np.deg2rad(start_deg))
-    one, other = (calibrate(survey_of(s), matched, scenario) for s in (None, start))
+    one, other = (calibrate(survey_of(s), tie_planes, scenario) for s in (None, start))
     np.testing.assert_allclose(one.boresight, other.boresight, rtol=0, atol=1e-10)
     np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-6, atol=1e-16)
 
@@ -97,8 +97,8 @@ def errors(request):
         rng = np.random.default_rng(seed)
         offsets = rng.normal(0, SCANNER.range_offset_sigma, 16)
         offsets *= SCENARIOS[request.param].range_offsets == "per_ring"
-        matched = with_noise(with_offsets(base, offsets), rng)
-        result = calibrate(survey_of(), matched, request.param)
+        tie_planes = with_noise(with_offsets(base, offsets), rng)
+        result = calibrate(survey_of(), tie_planes, request.param)
         error = np.append(result.boresight - truth.boresight, offsets)
         if result.range_offsets is not None:
             error[3:] = result.range_offsets - offsets
@@ -168,21 +168,21 @@ def test_the_variance_factor_grows_when_the_specification_does_not_know(scenario
 
 @pytest.fixture(scope="module", params=SCENARIOS)
 def noisy_result(request):
-    matched, _, _ = matched_faces(offsets=offsets_of(request.param), count=40)
-    matched = with_noise(matched, np.random.default_rng(7))
-    return calibrate(survey_of(), matched, request.param), matched
+    tie_planes, _, _ = matched_faces(offsets=offsets_of(request.param), count=40)
+    tie_planes = with_noise(tie_planes, np.random.default_rng(7))
+    return calibrate(survey_of(), tie_planes, request.param), tie_planes
 
 
 def test_a_result_counts_its_conditions(noisy_result):
     """12 planes of 4 faces of 40 points, 6 pairs each."""
-    result, matched = noisy_result
+    result, tie_planes = noisy_result
     points, centroids = {"SL": (1920, 0), "A": (0, 72), "B": (2880, 72), "C": (1920, 48)}[
         result.scenario
     ]
     unknowns = {"SL": 3 + 36, "A": 3, "B": 3, "C": 3 + 36}[result.scenario]
     assert result.n_conditions == points + centroids
     assert result.dof == points + centroids - unknowns
-    assert (result.n_planes, result.n_points) == (12, len(matched.rays))
+    assert (result.n_planes, result.n_points) == (12, len(tie_planes.rays))
 
 
 def test_a_result_tells_what_the_calibration_gained(noisy_result):
@@ -218,8 +218,8 @@ def test_a_result_s_sigma_and_correlation_are_those_of_its_covariance(noisy_resu
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_the_same_input_gives_the_same_bits(scenario):
-    matched = with_noise(matched_faces(count=40)[0], np.random.default_rng(2))
-    one, other = (calibrate(survey_of(), matched, scenario) for _ in range(2))
+    tie_planes = with_noise(matched_faces(count=40)[0], np.random.default_rng(2))
+    one, other = (calibrate(survey_of(), tie_planes, scenario) for _ in range(2))
     for name in ("boresight", "covariance", "planes", "covariance_planes", "rms_after"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     assert (one.sigma0, one.iterations) == (other.sigma0, other.iterations)
@@ -227,11 +227,11 @@ def test_the_same_input_gives_the_same_bits(scenario):
 
 @pytest.mark.parametrize("scenario", ["SL", "A", "B", "C"])
 def test_one_thread_or_two_give_the_same(scenario, monkeypatch):
-    matched = with_noise(matched_faces(count=40)[0], np.random.default_rng(2))
+    tie_planes = with_noise(matched_faces(count=40)[0], np.random.default_rng(2))
     found = []
     for threads in (1, 2):
         monkeypatch.setattr(_compiled, "threads", lambda threads=threads: threads)
-        result = calibrate(survey_of(), matched, scenario)
+        result = calibrate(survey_of(), tie_planes, scenario)
         found.append((result.boresight, result.covariance))
     np.testing.assert_array_equal(found[0][0], found[1][0])
     np.testing.assert_array_equal(found[0][1], found[1][1])
@@ -240,9 +240,9 @@ def test_one_thread_or_two_give_the_same(scenario, monkeypatch):
 # --- refusals ------------------------------------------------------------------------------------
 
 
-def refused(error, matched, scenario, *facts, survey=None):
+def refused(error, tie_planes, scenario, *facts, survey=None):
     with pytest.raises(error) as raised:
-        calibrate(survey or survey_of(), matched, scenario)
+        calibrate(survey or survey_of(), tie_planes, scenario)
     for fact in facts:
         assert fact in str(raised.value)
 
@@ -253,29 +253,29 @@ def test_an_unknown_scenario():
 
 @pytest.mark.parametrize("scenario", ["A", "B"])
 def test_no_pairs_for_reference_planes(scenario):
-    matched = replace(matched_faces(count=10)[0], pairs=np.zeros((0, 2), int))
-    refused(TooFewPlanes, matched, scenario, f"scenario {scenario}", "pairs of faces", "match")
+    tie_planes = replace(matched_faces(count=10)[0], pairs=np.zeros((0, 2), int))
+    refused(TooFewPlanes, tie_planes, scenario, f"scenario {scenario}", "pairs of faces", "match")
 
 
 def test_no_more_conditions_than_unknowns():
     """Three pairs for three angles: an estimate without a check. Six pairs on each plane."""
-    matched = matched_faces(count=40)[0]
-    three = replace(matched, pairs=matched.pairs[[1, 19, 37]])
+    tie_planes = matched_faces(count=40)[0]
+    three = replace(tie_planes, pairs=tie_planes.pairs[[1, 19, 37]])
     refused(TooFewPlanes, three, "A", "3 conditions", "0 degrees of freedom", "more faces")
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_parallel_planes(scenario):
     """Flat roofs of one slope and azimuth, at several heights."""
-    matched, _, _ = matched_faces(count=20)
-    same = np.flatnonzero(matched.plane == 0)
-    ranges, plane = matched.ranges[np.tile(same, 4)], np.repeat(np.arange(4), len(same))
+    tie_planes, _, _ = matched_faces(count=20)
+    same = np.flatnonzero(tie_planes.plane == 0)
+    ranges, plane = tie_planes.ranges[np.tile(same, 4)], np.repeat(np.arange(4), len(same))
     pairs = np.array([(len(same) * k, len(same) * k + 1) for k in range(4)])
     rows = np.concatenate([np.arange(first, stop) for first, stop in ranges])
     stops = np.cumsum(np.diff(ranges, axis=1))
     parallel = replace(
-        matched, rays=matched.rays.take(rows), plane=plane, pairs=pairs,
-        ranges=np.column_stack([np.r_[0, stops[:-1]], stops]), strips=matched.strips[:16],
+        tie_planes, rays=tie_planes.rays.take(rows), plane=plane, pairs=pairs,
+        ranges=np.column_stack([np.r_[0, stops[:-1]], stops]), strips=tie_planes.strips[:16],
     )  # fmt: skip
     facts = ("all 4 planes are parallel", "expected roofs of several slopes and azimuths")
     refused(RankDefect, parallel, scenario, *facts)
@@ -290,20 +290,22 @@ def test_one_heading_does_not_show_the_roll(scenario, noise, count):
     Noise must not pass for geometry either, neither in few points nor in so many that their formal
     standard deviation falls below the limit.
     """
-    matched, _, _ = matched_faces(headings=(0.0,), gusts=False, count=count)
-    matched = with_noise(matched, np.random.default_rng(1), noise)
-    refused(RankDefect, matched, scenario, "boresight's roll", "opposite and a crossing direction")
+    tie_planes, _, _ = matched_faces(headings=(0.0,), gusts=False, count=count)
+    tie_planes = with_noise(tie_planes, np.random.default_rng(1), noise)
+    refused(
+        RankDefect, tie_planes, scenario, "boresight's roll", "opposite and a crossing direction"
+    )
 
 
 def test_opposite_headings_on_one_line_hide_the_yaw_from_centroids():
-    matched, _, _ = matched_faces(headings=HEADINGS_DEG[:2], count=40)
-    matched = with_noise(matched, np.random.default_rng(1))
-    refused(RankDefect, matched, "A", "boresight's yaw", "expected at most 1 deg", "crossing")
+    tie_planes, _, _ = matched_faces(headings=HEADINGS_DEG[:2], count=40)
+    tie_planes = with_noise(tie_planes, np.random.default_rng(1))
+    refused(RankDefect, tie_planes, "A", "boresight's yaw", "expected at most 1 deg", "crossing")
 
 
 def test_the_weakest_direction_is_told_with_a_result():
-    matched, _, _ = matched_faces(headings=HEADINGS_DEG[:2], count=40)
-    seen = calibrate(survey_of(), matched, "C").observability
+    tie_planes, _, _ = matched_faces(headings=HEADINGS_DEG[:2], count=40)
+    seen = calibrate(survey_of(), tie_planes, "C").observability
     assert "mostly yaw" in str(seen)
     assert seen.rank == 3
     np.testing.assert_allclose(seen.weakest, [0, 0, 1], atol=0.1)
@@ -312,9 +314,11 @@ def test_the_weakest_direction_is_told_with_a_result():
 
 def test_range_offsets_that_the_data_determine_are_counted():
     """A ring that saw nothing is known by its pseudo-observation alone."""
-    matched, _, _ = matched_faces(count=120)
-    assert calibrate(survey_of(), matched, "C").observability.offsets_determined == 16
-    blind = replace(matched, rays=replace(matched.rays, ring=np.maximum(matched.rays.ring, 1)))
+    tie_planes, _, _ = matched_faces(count=120)
+    assert calibrate(survey_of(), tie_planes, "C").observability.offsets_determined == 16
+    blind = replace(
+        tie_planes, rays=replace(tie_planes.rays, ring=np.maximum(tie_planes.rays.ring, 1))
+    )
     assert calibrate(survey_of(), blind, "C").observability.offsets_determined == 15
 
 
@@ -324,13 +328,13 @@ def test_range_offsets_that_the_data_determine_are_counted():
 @pytest.mark.parametrize("shape", ["point", "line"])
 def test_faces_that_are_lines_or_points(scenario, what, shape):
     """All points of the first plane on one spot, or 6 m along the strike of its roof."""
-    matched, _, planes = matched_faces(count=20)
-    rows = np.arange(len(matched.rays))
+    tie_planes, _, planes = matched_faces(count=20)
+    rows = np.arange(len(tie_planes.rays))
     rows[:80] = 0
-    pose = matched.rays.pose[rows]
+    pose = tie_planes.rays.pose[rows]
     strike = np.cross(planes[0, :3], [0, 0, 1])
     reach = 3.0 if shape == "line" else 0.0
     pose[:80, :3] += np.linspace(-reach, reach, 80)[:, None] * strike / np.linalg.norm(strike)
-    narrow = replace(matched, rays=replace(matched.rays.take(rows), pose=pose))
+    narrow = replace(tie_planes, rays=replace(tie_planes.rays.take(rows), pose=pose))
     facts = (what, "on a line or in a point", "expected a width of 5 cm", "got 0.0 cm", "leave")
     refused(RankDefect, narrow, scenario, *facts)

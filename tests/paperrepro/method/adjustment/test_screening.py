@@ -8,7 +8,7 @@ import pytest
 from paperrepro.errors import BadInput
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES, calibrate
 from paperrepro.method.adjustment.screening import screen
-from paperrepro.method.tie_planes import MatchedFaces
+from paperrepro.method.tie_planes import TiePlanes
 from tests.paperrepro.labelled import survey_of
 from tests.paperrepro.method.adjustment.flying import flown
 
@@ -16,20 +16,20 @@ SHARE = 0.1
 SEEDS = range(8)
 
 
-def with_wrong_matches(matched: MatchedFaces, seed):
+def with_wrong_matches(tie_planes: TiePlanes, seed):
     """A tenth of the faces moved to another plane; returns also which (F,) in the new order."""
     rng = np.random.default_rng(seed)
-    n_faces = len(matched.ranges)
+    n_faces = len(tie_planes.ranges)
     wrong = rng.choice(n_faces, int(SHARE * n_faces), replace=False)
-    plane = matched.plane.copy()
+    plane = tie_planes.plane.copy()
     # gables lie in pairs of planes: two on is another roof
-    plane[wrong] = (plane[wrong] + 2) % matched.n_planes
-    faces = [matched.rays.take(slice(first, last)) for first, last in matched.ranges]
-    ties = [list(np.flatnonzero(plane == g)) for g in range(matched.n_planes)]
+    plane[wrong] = (plane[wrong] + 2) % tie_planes.n_planes
+    faces = [tie_planes.rays.take(slice(first, last)) for first, last in tie_planes.ranges]
+    ties = [list(np.flatnonzero(plane == g)) for g in range(tie_planes.n_planes)]
     ties = [tie for tie in ties if len(tie) > 1]
     order = np.array([face for tie in ties for face in tie])
     pairs = [(a, b) for tie in ties for i, a in enumerate(tie) for b in tie[i + 1 :]]
-    built = MatchedFaces.build(faces, list(matched.strips), ties, pairs)
+    built = TiePlanes.build(faces, list(tie_planes.strips), ties, pairs)
     return built, np.isin(order, wrong)
 
 
@@ -85,8 +85,8 @@ def test_the_result_names_what_was_left_out(spoilt):
 
 
 def test_screening_knows_trajectory_noise():
-    matched, _ = flown(2, scale=2.0)
-    assert not screen(survey_of(), matched).rejected
+    tie_planes, _ = flown(2, scale=2.0)
+    assert not screen(survey_of(), tie_planes).rejected
 
 
 def test_unknown_scenario_is_refused(spoilt):
@@ -95,10 +95,10 @@ def test_unknown_scenario_is_refused(spoilt):
 
 
 def test_thinning_keeps_faces_in_place(spoilt):
-    matched = spoilt[0][0]
-    thin = matched.thinned(10)
-    assert len(thin.rays) == 10 * len(matched.ranges)
-    assert thin.strips == matched.strips
-    same = replace(thin, rays=matched.rays, ranges=matched.ranges)
-    np.testing.assert_array_equal(same.plane, matched.plane)
-    np.testing.assert_array_equal(thin.rays.rho[:1], matched.rays.rho[:1])
+    tie_planes = spoilt[0][0]
+    thin = tie_planes.thinned(10)
+    assert len(thin.rays) == 10 * len(tie_planes.ranges)
+    assert thin.strips == tie_planes.strips
+    same = replace(thin, rays=tie_planes.rays, ranges=tie_planes.ranges)
+    np.testing.assert_array_equal(same.plane, tie_planes.plane)
+    np.testing.assert_array_equal(thin.rays.rho[:1], tie_planes.rays.rho[:1])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from paperrepro.frames import R_NOMINAL, boresight_matrix
-from paperrepro.method.adjustment.conditions import SETTLED, Sightlines, axes
+from paperrepro.method.adjustment.conditions import SETTLED, PreparedRays, axes
 from paperrepro.method.adjustment.kernels import settle
 from paperrepro.method.georeference import boresight_derivatives, point_jacobians
 from paperrepro.survey import Rays
@@ -24,7 +24,7 @@ def observed():
 def settled(observed, plane, variances):
     """w, s, v, b, row of one ray."""
     rays = Rays(observed[None, :6], np.zeros(1, int), *observed[None, [7, 8, 6]].T)
-    position, turns, rho, _ = Sightlines.of(rays).columns()
+    position, turns, rho, _ = PreparedRays.of(rays).columns()
     R, dR = boresight_matrix(BORESIGHT), boresight_derivatives(BORESIGHT, R_NOMINAL)
     v, b, row, origin = np.empty(9), np.empty(9), np.empty(8), np.array([5.0, 4.0, 1.0])
     mounted = R, axes(R, dR), LEVER, OFFSET
@@ -58,5 +58,5 @@ def test_derivatives_are_those_of_the_equation_at_the_adjusted_observations(obse
 
 def test_what_is_prepared_is_not_prepared_again(observed):
     rays = Rays(observed[None, :6], np.zeros(1, int), *observed[None, [7, 8, 6]].T)
-    prepared = Sightlines.of(rays)
-    assert Sightlines.of(prepared) is prepared
+    prepared = PreparedRays.of(rays)
+    assert PreparedRays.of(prepared) is prepared

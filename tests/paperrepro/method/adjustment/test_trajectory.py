@@ -46,7 +46,7 @@ def dense_normals(model, prior, state):
     """Normal equations of y and all nodes by differences of the conditions, nothing eliminated."""
     size, K = len(state.x) + 3 * len(state.planes), len(state.error)
 
-    cells, sorted_rays = model.cells, model.matched.rays.take(model.cells.order)
+    cells, sorted_rays = model.cells, model.tie_planes.rays.take(model.cells.order)
     cell = np.repeat(np.arange(len(cells.ranges)), np.diff(cells.ranges, axis=1)[:, 0])
 
     def conditions(z, rho):
@@ -90,8 +90,8 @@ def dense_normals(model, prior, state):
 def test_elimination_equals_the_dense_system():
     # encoder noise off: a dense row then has the range's variance alone
     survey = survey_of(scanner=replace(SCANNER, angle_sigma=0.0))
-    matched, _ = flown(3, count=15, n_roofs=3)
-    model = TrajectoryModel.prepare(survey, matched, "per_ring", 2.0)
+    tie_planes, _ = flown(3, count=15, n_roofs=3)
+    model = TrajectoryModel.prepare(survey, tie_planes, "per_ring", 2.0)
     prior = specified_process(NAVIGATION)
     state = iterate(model, prior, model.start(model.unknowns.start())).state
     state = replace(state, x=state.x + 1e-5)  # away from the solution: a step that is not zero
@@ -111,11 +111,11 @@ def test_elimination_equals_the_dense_system():
 
 def test_without_noise_as_exact_as_the_others():
     offsets = np.random.default_rng(5).normal(0, 0.015, 16)
-    matched, truth, _ = matched_faces(offsets=offsets, boresight_deg=(3, -3, 2))
+    tie_planes, truth, _ = matched_faces(offsets=offsets, boresight_deg=(3, -3, 2))
     scanner = replace(SCANNER, range_sigma=1e-5, angle_sigma=1e-9)
     navigation = replace(NAVIGATION, position_sigma=np.zeros(3), attitude_sigma=np.zeros(3))
     survey = survey_of(scanner=scanner, navigation=navigation)
-    result = calibrate_with_trajectory(survey, with_times(matched, HEADINGS_DEG))
+    result = calibrate_with_trajectory(survey, with_times(tie_planes, HEADINGS_DEG))
     assert np.abs(np.rad2deg(result.boresight - truth.boresight)).max() < 1e-6
     np.testing.assert_allclose(result.range_offsets, offsets, atol=1e-6)
     assert np.abs(result.trajectory.correction).max() < 1e-6
@@ -156,8 +156,8 @@ def test_sigma_grow_with_the_noise():
 def test_variance_components_correct_a_prior_wrong_by_two():
     found = []
     for seed in range(6):
-        matched, _ = flown(seed, scale=0.5)
-        model = TrajectoryModel.prepare(survey_of(), matched, "per_ring", 0.5)
+        tie_planes, _ = flown(seed, scale=0.5)
+        model = TrajectoryModel.prepare(survey_of(), tie_planes, "per_ring", 0.5)
         start = model.start(model.unknowns.start())
         components, _ = estimate(model, specified_process(NAVIGATION), start)
         found.append([components.range, components.position, components.attitude])
@@ -168,16 +168,16 @@ def test_variance_components_correct_a_prior_wrong_by_two():
 
 
 def test_trajectory_errors_are_found(noisy):
-    result, truth, matched = noisy[0]
-    corrected = result.trajectory.apply(matched.rays)
+    result, truth, tie_planes = noisy[0]
+    corrected = result.trajectory.apply(tie_planes.rays)
     mounting = truth.with_calibration(result.boresight, result.range_offsets)
 
     def spread(rays):
         p = georeference(rays, mounting)
-        plane = result.planes[np.repeat(matched.plane, np.diff(matched.ranges, axis=1)[:, 0])]
+        plane = result.planes[np.repeat(tie_planes.plane, np.diff(tie_planes.ranges, axis=1)[:, 0])]
         return np.std(np.einsum("na,na->n", p, plane[:, :3]) - plane[:, 3])
 
-    assert spread(corrected) < 0.8 * spread(matched.rays)
+    assert spread(corrected) < 0.8 * spread(tie_planes.rays)
 
 
 def test_a_flight_along_one_heading_says_what_it_sees_badly():
@@ -190,6 +190,6 @@ def test_a_flight_along_one_heading_says_what_it_sees_badly():
 
 
 def test_rays_without_times_are_refused():
-    matched, _, _ = matched_faces()
+    tie_planes, _, _ = matched_faces()
     with pytest.raises(BadInput, match="times"):
-        calibrate_with_trajectory(survey_of(), matched)
+        calibrate_with_trajectory(survey_of(), tie_planes)

@@ -14,12 +14,12 @@ ONE_WAY = (0.0, 0.0)
 @pytest.mark.parametrize("scenario", SCENARIO_NAMES)
 @pytest.mark.parametrize("azimuth_deg", [0.0, 90.0])
 def test_one_heading_over_roofs_of_one_azimuth(scenario, azimuth_deg):
-    matched, _ = flown(1, headings=ONE_WAY, azimuth_deg=azimuth_deg, count=60)
+    tie_planes, _ = flown(1, headings=ONE_WAY, azimuth_deg=azimuth_deg, count=60)
     if scenario == "A":
         with pytest.raises(RankDefect, match=r"do not determine the boresight's (yaw|pitch)"):
-            calibrate(survey_of(), matched, scenario)
+            calibrate(survey_of(), tie_planes, scenario)
         return
-    seen = calibrate(survey_of(), matched, scenario).observability
+    seen = calibrate(survey_of(), tie_planes, scenario).observability
     assert "roll" in seen.undetermined
     assert "roll is not determined: sigma 0." in str(seen)
 
@@ -27,8 +27,8 @@ def test_one_heading_over_roofs_of_one_azimuth(scenario, azimuth_deg):
 def test_what_d_says_of_such_a_flight_is_true():
     standardised = []
     for seed in range(8):
-        matched, truth = flown(seed, headings=ONE_WAY, azimuth_deg=90.0, count=40)
-        result = calibrate(survey_of(), matched, "D")
+        tie_planes, truth = flown(seed, headings=ONE_WAY, azimuth_deg=90.0, count=40)
+        result = calibrate(survey_of(), tie_planes, "D")
         assert result.sigma[0] > np.deg2rad(0.05)
         standardised.append((result.boresight - truth.boresight) / result.sigma)
     assert np.square(standardised).mean() < 2
@@ -37,8 +37,8 @@ def test_what_d_says_of_such_a_flight_is_true():
 def test_sl_is_confident_and_wrong_there_and_its_observability_says_so():
     errors = []
     for seed in range(6):
-        matched, truth = flown(seed, headings=ONE_WAY, azimuth_deg=90.0, count=40)
-        result = calibrate(survey_of(), matched, "SL")
+        tie_planes, truth = flown(seed, headings=ONE_WAY, azimuth_deg=90.0, count=40)
+        result = calibrate(survey_of(), tie_planes, "SL")
         errors.append(np.abs(result.boresight - truth.boresight)[0] / result.sigma[0])
         assert "roll" in result.observability.undetermined
     assert np.median(errors) > 3
@@ -46,21 +46,21 @@ def test_sl_is_confident_and_wrong_there_and_its_observability_says_so():
 
 @pytest.mark.parametrize("scenario", SCENARIO_NAMES)
 def test_opposite_and_crossing_lines_determine_all(scenario):
-    matched, _ = flown(1, count=60)
-    seen = calibrate(survey_of(), matched, scenario).observability
+    tie_planes, _ = flown(1, count=60)
+    seen = calibrate(survey_of(), tie_planes, scenario).observability
     assert seen.undetermined == ()
     assert "not determined" not in str(seen)
 
 
 @pytest.mark.parametrize("scenario", SCENARIO_NAMES)
 def test_one_strip_is_refused(scenario):
-    matched, _ = flown(0, headings=(0.0,), count=40)
+    tie_planes, _ = flown(0, headings=(0.0,), count=40)
     with pytest.raises(TooFewPlanes, match="two strips or more see, got 0 of 12"):
-        calibrate(survey_of(), matched, scenario)
+        calibrate(survey_of(), tie_planes, scenario)
 
 
 def test_without_times_nothing_is_said_of_lasting_errors():
-    matched, _, _ = matched_faces(0, count=40)
-    seen = calibrate(survey_of(), matched, "SL").observability
+    tie_planes, _, _ = matched_faces(0, count=40)
+    seen = calibrate(survey_of(), tie_planes, "SL").observability
     assert seen.lasting_sigma is None
     assert seen.undetermined == ()
