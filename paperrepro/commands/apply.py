@@ -31,20 +31,13 @@ def add(commands) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from paperrepro.flight.calibration_file import read_calibration
-    from paperrepro.flight.read import read_flight
-    from paperrepro.flight.write import adjust_strips
+    from paperrepro.flight.write import apply_calibration
 
-    flight = read_flight(
-        options.strips, options.trajectory, options.mounting,
+    written = apply_calibration(
+        options.strips, options.trajectory, options.mounting, options.calibration, options.out,
         crs=options.crs, ring_dimension=options.ring_dimension,
     )  # fmt: skip
-    survey = flight.survey
-    mounting = read_calibration(options.calibration, survey.mounting, survey.scanner.n_rings)
-    for note in flight.notes:
+    for note in written.notes:
         print(f"note: {note}")
-    written = adjust_strips(flight, mounting, options.out)
-    print(
-        f"{options.out}: {len(written)} strips, {sum(file.count for file in flight.files)} points"
-    )
+    print(f"{options.out}: {len(written.strips)} strips, {written.points} points")
     return 0

@@ -42,21 +42,23 @@ def run(options: argparse.Namespace) -> int:
     from paperrepro.figures import pages
     from paperrepro.flight import calibration_file
     from paperrepro.flight.calibrate import calibrate_flight
-    from paperrepro.flight.write import adjust_strips
+    from paperrepro.flight.write import require_writable, write_strips
 
     _refuse_early(options)
     with written_whole(options.out) as draft, _Steps(len(options.strips)) as steps:
         flight = _read(options, steps)
-        own = calibrate_flight(flight.survey, options.scenario, options.planes, steps)
+        if options.write_strips:
+            require_writable(flight, options.out)
+        own = calibrate_flight(flight, options.scenario, options.planes, steps)
         steps("report")
         calibration_file.write(own, draft / calibration_file.NAME, notes=list(flight.notes))
         text = pages.page(own, _pictures(own), _files(options), flight.notes)
         (draft / pages.NAME).write_text(text, encoding="utf-8", newline="\n")
         if options.write_strips:
             steps("adjusted strips")
-            adjust_strips(flight, own.result.calibrated, draft)
+            write_strips(flight, own.result.calibrated, draft)
     print(f"{options.out}: {calibration_file.NAME}, {pages.NAME}")
-    print("\n".join([*flight.notes, *own.remarks, *calibration_file.summary(own.result)]))
+    print("\n".join([*flight.notes, own.summary()]))
     return 0
 
 

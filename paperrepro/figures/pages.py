@@ -26,10 +26,9 @@ from PIL import Image
 from paperrepro import __version__
 from paperrepro.errors import BadInput
 from paperrepro.flight.calibrate import OwnFlight
-from paperrepro.flight.calibration_file import ANGLES
+from paperrepro.frames import ANGLES, AXIS_WORDS
 from paperrepro.method.accuracy import rms
 from paperrepro.method.adjustment.conditions import Unknowns, face_states
-from paperrepro.method.adjustment.observability import AXIS_WORDS
 from paperrepro.paper.artefacts import ARTEFACTS, Artefact, Values, caption
 from paperrepro.paper.claims import HEADLINES
 from paperrepro.paper.numbers import cells, heading, worded

@@ -14,8 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS, canvas, scenario_name
+from paperrepro.frames import ANGLES
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES
-from paperrepro.study.rows import ANGLES, COLUMNS
+from paperrepro.study.rows import COLUMNS
 from paperrepro.study.simulated import ARTEFACT
 from paperrepro.study.statistics import CONFIDENCE, TWO_SIDED, Interval, binomial, bootstrap
 

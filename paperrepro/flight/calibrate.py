@@ -6,10 +6,14 @@ where there are not. Scenario D estimates how noisy trajectory and laser were, f
 """
 
 from dataclasses import dataclass, replace
+from html import escape
 
 import numpy as np
 
 from paperrepro.errors import BadInput, NoConvergence, RankDefect, TooFewPlanes
+from paperrepro.flight.agreement import implausible, require_agreement
+from paperrepro.flight.read import Flight
+from paperrepro.frames import ANGLES, AXIS_WORDS
 from paperrepro.method.accuracy import PairDistances, overlaps, pair_distances
 from paperrepro.method.adjustment import trajectory_errors
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES, calibrate
@@ -43,47 +47,119 @@ NOISE_PLANES, NOISE_POINTS, NOISE_SPACING = 30, 150, 0.5
 class OwnFlight:
     """What a calibration of a flight found.
 
-    ``planes``: ``gables`` or ``any``; ``result``; ``tie_planes`` faces that went into it;
-    ``rejected`` faces, wrong matches of the last pass and of the adjustment; ``boresights``
-    (passes + 1, 3) rad as the passes went; ``distances`` of the pairs of strips; ``remarks``, a
-    sentence each.
+    Attributes
+    ----------
+    survey : Survey
+        As it was given.
+    planes : str
+        ``gables`` or ``any``.
+    result : CalibrationResult
+        Of the adjustment.
+    matched : TiePlanes
+        The tie planes that went into it.
+    rejected : tuple of Rejection
+        Gross errors of the last search and of the adjustment.
+    boresights : (searches + 1, 3) array, rad
+        As the search went.
+    distances : tuple of PairDistances
+        Between the strips of each pair, before and after.
+    remarks : tuple of str
+        A sentence each.
     """
 
     survey: Survey
     planes: str
     result: CalibrationResult
-    tie_planes: TiePlanes
+    matched: TiePlanes
     rejected: tuple[Rejection, ...]
     boresights: np.ndarray
     distances: tuple[PairDistances, ...]
     remarks: tuple[str, ...]
 
+    def summary(self) -> str:
+        """Lines for a terminal: the angles with their sigma, the fit, what is weak."""
+        result = self.result
+        angles = [
+            f"  {name:5s} {np.degrees(value):+9.4f}° ± {np.degrees(sigma):.4f}°  ({axis})"
+            for name, value, sigma, axis in zip(
+                ANGLES, result.boresight, result.sigma, AXIS_WORDS, strict=True
+            )
+        ]
+        fit = (
+            f"  {result.n_planes} planes, {result.n_points} points, sigma0 {result.sigma0:.2f}, "
+            f"RMSE {100 * result.rmse_before:.1f} cm before, {100 * result.rmse_after:.1f} cm after"
+        )
+        lines = [f"scenario {result.scenario}", *angles, fit, f"  {result.observability}"]
+        return "\n".join([*self.remarks, *lines])
+
+    def __repr__(self) -> str:
+        angles = ", ".join(
+            f"{name} {np.degrees(value):+.4f} ± {np.degrees(sigma):.4f}°"
+            for name, value, sigma in zip(
+                AXIS_WORDS, self.result.boresight, self.result.sigma, strict=True
+            )
+        )
+        return (
+            f"OwnFlight: {angles}; {self.result.n_planes} planes, "
+            f"{len(self.survey.strips)} strips, {len(self.remarks)} remarks"
+        )
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>"
+
 
 def calibrate_flight(
-    survey: Survey, scenario: str = "D", planes: str = "auto", progress: Progress = silent
+    flight: Flight | Survey,
+    scenario: str = "D",
+    planes: str = "auto",
+    progress: Progress = silent,
 ) -> OwnFlight:
-    """Calibrate ``survey`` from its own mounting as start; ``planes`` is one of `PLANES`.
+    """Calibrate a flight, from its own mounting as start.
 
-    Raises `BadInput` for strips that do not overlap and for unknown words, `TooFewPlanes`,
-    `RankDefect`, `NoConvergence`.
+    Parameters
+    ----------
+    flight : Flight or Survey
+        As `read_flight` gives it, or a survey from elsewhere.
+    scenario : str
+        ``SL``, ``A``, ``B``, ``C`` of the paper, or ``D``, ours.
+    planes : str
+        ``gables``, ``any``, or ``auto``: gables where there are enough.
+    progress : callable
+        Given a sentence for each step.
+
+    Returns
+    -------
+    OwnFlight
+        Boresight with its covariance, distances between the strips, remarks.
+
+    Raises
+    ------
+    BadInput
+        Strips that do not overlap; unknown words; a mistake of the trajectory, such as a wrong sign
+        of roll, that shows in the strips' agreement alone.
+    TooFewPlanes, RankDefect, NoConvergence
+        Where the flight does not determine the boresight.
     """
     _require_word("scenario", scenario, SCENARIO_NAMES)
     _require_word("planes", planes, PLANES)
+    survey = flight.survey if isinstance(flight, Flight) else flight
     samples = sample_rays(survey)
     pairs = _require_overlap(survey, samples)
     kind, found, remarks = _find(survey, planes, progress)
-    progress(f"scenario {scenario}: {found.tie_planes.n_planes} planes")
-    result, tie_planes = _adjust(survey, found.tie_planes, scenario, found.boresights[-1])
+    require_agreement(survey, found.matched, getattr(flight, "trajectory", "trajectory"))
+    progress(f"scenario {scenario}: {found.matched.n_planes} planes")
+    result, matched = _adjust(survey, found.matched, scenario, found.boresights[-1])
     if scenario == "D" and result.components is None:
         remarks.append(
-            f"Noise was taken as specified: {len(set(tie_planes.strips))} strips do not show it, "
+            f"Noise was taken as specified: {len(set(matched.strips))} strips do not show it, "
             f"{ENOUGH_STRIPS} would. Sigma holds as far as the specification does."
         )
+    remarks += implausible(result)
     progress(f"distances of {len(pairs)} pairs of strips")
     distances = pair_distances(samples, pairs, survey.mounting, result.calibrated)
     rejected = (*found.rejected, *result.rejected)
     return OwnFlight(
-        survey, kind, result, tie_planes, rejected, found.boresights, distances, tuple(remarks)
+        survey, kind, result, matched, rejected, found.boresights, distances, tuple(remarks)
     )
 
 

@@ -288,9 +288,7 @@ def coarse_coordinates(samples: Sequence[StripSample]) -> list[str]:
     ]
 
 
-def consistent_attitude(
-    fits: Mapping[str, Fit], names: Names
-) -> tuple[str, list[str]]:
+def consistent_attitude(fits: Mapping[str, Fit], names: Names) -> tuple[str, list[str]]:
     """How the attitude of points with poses of their own is to be read, of ``fits`` by name, and
     notes. Raises `BadInput` where the rays fit under none."""
     word = min(fits, key=lambda name: fits[name].scatter)

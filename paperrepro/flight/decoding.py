@@ -56,13 +56,15 @@ class Decoder:
         p_m = np.where(np.isfinite(p_m), p_m, 1e9)
         azimuth, elevation, rho = ray_test.laser_rays(whole, p_m, self.mounting)
         known = records.ring < len(self.beam_of_ring)
-        beam = np.where(known, self.beam_of_ring[np.where(known, records.ring, 0)], ray_test.UNKNOWN_RING)
+        beam = np.where(
+            known, self.beam_of_ring[np.where(known, records.ring, 0)], ray_test.UNKNOWN_RING
+        )
         return Decoded(time, whole, beam.astype(np.uint8), azimuth, elevation, rho, timed)
 
 
 @dataclass(frozen=True)
 class Decoded:
-    """Rays of N records; ``timed``: with a pose of this flight; ``ring``: beam or `UNKNOWN_RING`."""
+    """Rays of N records; ``timed``: with a pose; ``ring``: beam or `UNKNOWN_RING`."""
 
     time: np.ndarray
     pose: np.ndarray
@@ -155,21 +157,27 @@ def time_step(time: np.ndarray) -> float:
     single = time.astype(np.float32)
     if len(time) and (single == time).all():
         return float(np.spacing(np.abs(single).max()))
-    return next((step for step in TIME_STEPS
-                 if np.abs(time / step - np.round(time / step)).max() < 1e-6 / step), 0.0)  # fmt: skip
+    for step in TIME_STEPS:
+        if np.abs(time / step - np.round(time / step)).max(initial=0.0) < 1e-6 / step:
+            return step
+    return 0.0
 
 
 def fits_of_poses(
-    files: list, records: list[Records], frame: LocalFrame, candidates: Mapping[Hashable, PointPoses],
+    files: list,
+    records: list[Records],
+    frame: LocalFrame,
+    candidates: Mapping[Hashable, PointPoses],
     mounting: Mounting,
-) -> dict[Hashable, ray_test.Fit]:  # fmt: skip
+) -> dict[Hashable, ray_test.Fit]:
     """How the rays fit where each point carries its pose, for each way to read its attitude."""
-    points = [local_points(f.grid, r.xyz, frame) for f, r in zip(files, records, strict=True)]
+    both = list(zip(files, records, strict=True))
+    points = np.concatenate([local_points(f.grid, r.xyz, frame) for f, r in both])
     rings = np.concatenate([r.ring for r in records])
-    sample = ray_test.Sample(np.concatenate(points), rings, max(_scale(f, r) for f, r in zip(files, records, strict=True)))
+    sample = ray_test.Sample(points, rings, max(_scale(f, r) for f, r in both))
     fits = {}
     for word, poses in candidates.items():
-        pose = [poses.of(r.columns, f.grid) for f, r in zip(files, records, strict=True)]
+        pose = [poses.of(r.columns, f.grid) for f, r in both]
         fits[word] = ray_test.fit(np.concatenate(pose), sample, mounting)
     return fits
 

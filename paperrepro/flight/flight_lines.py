@@ -1,7 +1,7 @@
 """Files to flight lines: what is flown one way, without a break, is a strip.
 
-A file may hold several lines, a line may lie in several files (tiles, parts, copies). A pulse counts
-once: what stands in two files, or twice in one, would feign independent observations.
+A file may hold several lines, a line may lie in several files (tiles, parts, copies). A pulse
+counts once: what stands in two files, or twice in one, would feign independent observations.
 """
 
 from collections.abc import Callable

@@ -65,7 +65,7 @@ class Evidence:
         """With other attitudes (M, 3)."""
         return replace(self, poses=replace(self.poses, attitude=attitude))
 
-    def few(self, count: int = 4000) -> "Evidence":
+    def few(self, count: int = 2000) -> "Evidence":
         """Some ``count`` of the points."""
         every = max(1, sum(len(s.time) for s in self.samples) // count)
         few = [
@@ -116,7 +116,9 @@ class Evidence:
     @property
     def is_near(self) -> bool:
         """Whether the points lie near the trajectory, each file's middle one."""
-        return all(self.apart(s)[0] <= NEAR and abs(self.apart(s)[1]) <= STEEP for s in self.samples)
+        return all(
+            self.apart(s)[0] <= NEAR and abs(self.apart(s)[1]) <= STEEP for s in self.samples
+        )
 
     def apart(self, sample: StripSample) -> tuple[float, float]:
         """Distance in plan, and height of the trajectory above a file's middle point, m, at the
@@ -259,7 +261,8 @@ TABLE = (
     Hypothesis("trajectory", "its longitude has the wrong sign", "west is negative",
                _place(lambda latitude, longitude: (latitude, -longitude))),
     Hypothesis("trajectory", "latitude and longitude have the wrong sign",
-               "south and west are negative", _place(lambda *angles: tuple(map(np.negative, angles)))),
+               "south and west are negative",
+               _place(lambda latitude, longitude: (-latitude, -longitude))),
     Hypothesis("strip", "its points are in feet", METRES, _points(xyz=lambda xyz: xyz * FOOT)),
     Hypothesis("strip", "its heights are in feet", METRES,
                _points(xyz=lambda xyz: xyz * [1, 1, FOOT])),

@@ -149,6 +149,30 @@ def _hindrance(header: laspy.LasHeader) -> str:
     return ""
 
 
+def opened(path: Path) -> "Reader":
+    """A reader of the file, or `BadInput`."""
+    path = Path(path)
+    if not path.is_file():
+        raise BadInput(f"{path}: no such file; give the strips as LAS or LAZ")
+    try:
+        with path.open("rb") as file:
+            signature = file.read(4)
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); mend that") from error
+    if signature != b"LASF":
+        kind = "it looks like an SBET: were strip and trajectory swapped?"
+        other = "it is of another kind: give a LAS or LAZ file"
+        sbet = path.stat().st_size % 136 == 0 and path.stat().st_size > 0
+        raise BadInput(f"{path}: expected a LAS/LAZ strip, {kind if sbet else other}")
+    try:
+        return Reader(path)
+    except READ_ERRORS as error:
+        raise BadInput(
+            f"{path}: its LAS header cannot be read ({_first_line(error)}); the file is cut off or "
+            "damaged: export or copy it again"
+        ) from error
+
+
 class Reader(laspy.LasReader):
     """A reader whose header counts the points that the file holds; ``notes`` where it did not."""
 

@@ -22,6 +22,8 @@ FITS = float(np.radians(0.02))
 BEAM_TOLERANCE = float(np.radians(0.3))
 #: Heights of the geoid over the ellipsoid, and how finely they are searched, m.
 HEIGHTS, HEIGHT_STEP = np.arange(-120.0, 121.0, 4.0), 1e-3
+#: Points that a first search needs.
+FEW = 600
 #: Datums and epochs of one region differ by less than this in plan, m.
 WIDEST_SHIFT = 5.0
 #: Marks a recorded ring that is no beam.
@@ -135,15 +137,22 @@ def beam_numbers(found: Fit, beams: np.ndarray) -> np.ndarray | None:
 
 def best_height(pose: np.ndarray, sample: Sample, mounting: Mounting) -> tuple[float, Fit]:
     """The shift of heights, m, under which the rays fit best, and the `Fit` then."""
-    _, order, edges = _by_ring(sample.ring)
-    here = _across_and_along(pose, sample.p_m, mounting)[:, order]
-    rise = _across_and_along(pose, sample.p_m + UP, mounting)[:, order] - here
 
-    def scatter(height):
-        x, y, z = here + height * rise
-        return _scatter(np.arctan2(z, np.hypot(x, y)), edges)[1]
+    def scatter_of(index):
+        """As a function of the height, of the points at ``index``."""
+        _, order, edges = _by_ring(sample.ring[index])
+        p_m, pose_of = sample.p_m[index][order], pose[index][order]
+        here = _across_and_along(pose_of, p_m, mounting)
+        rise = _across_and_along(pose_of, p_m + UP, mounting) - here
 
-    best, step = min(HEIGHTS, key=scatter), HEIGHTS[1] - HEIGHTS[0]
+        def scatter(height):
+            x, y, z = here + height * rise
+            return _scatter(np.arctan2(z, np.hypot(x, y)), edges)[1]
+
+        return scatter
+
+    best = min(HEIGHTS, key=scatter_of(slice(None, None, max(1, len(pose) // FEW))))
+    scatter, step = scatter_of(slice(None)), HEIGHTS[1] - HEIGHTS[0]
     while step > HEIGHT_STEP:
         step /= 2
         best = min((best - step, best, best + step), key=scatter)

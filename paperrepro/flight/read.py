@@ -54,6 +54,8 @@ class Flight:
         The strips as they lie on disk.
     decoder : Decoder
         How their points became rays.
+    trajectory : str
+        The file of the trajectory, for messages.
     """
 
     survey: Survey
@@ -61,6 +63,7 @@ class Flight:
     notes: tuple[str, ...]
     files: tuple[StripFile | TableFile, ...]
     decoder: Decoder
+    trajectory: str
 
     def __repr__(self) -> str:
         points = sum(map(len, self.survey.strips))
@@ -129,7 +132,8 @@ def read_flight(
     path = path if isinstance(path, Trajectory) else flight_lines.joined_trajectory(read)
     survey = Survey(tuple(read), path, given.mounting, scanner, navigation)
     of_files = [note for file in files for note in file.notes]
-    return Flight(survey, frame, (*given.notes, *of_files, *notes, *more), tuple(files), decoder)
+    notes = (*given.notes, *of_files, *notes, *more)
+    return Flight(survey, frame, notes, tuple(files), decoder, named.trajectory)
 
 
 def _opened(path: Path, crs: str | None, ring_dimension: str) -> StripFile | TableFile:

@@ -150,7 +150,7 @@ def _header_to_write(header: laspy.LasHeader) -> laspy.LasHeader:
     header.vlrs = laspy.vlrs.vlrlist.VLRList(_without_copc(header.vlrs))
     header.evlrs = None
     header.generating_software = f"{SOFTWARE} {__version__}"
-    if header.version < "1.1":
+    if header.version.minor < 1:
         header.version = "1.2"
     return header
 

@@ -24,6 +24,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from paperrepro.frames import ANGLES
 from paperrepro.paper.judges import (
     MARGIN,
     Beside,
@@ -85,7 +86,6 @@ from paperrepro.paper.verdicts import (
     span,
     valued,
 )
-from paperrepro.study.rows import ANGLES
 from paperrepro.study.simulated import REFINED, mistaken_name
 from paperrepro.study.statistics import CONFIDENCE, Evidence, Interval
 

@@ -12,10 +12,10 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from paperrepro.frames import ANGLES
 from paperrepro.method.adjustment.trajectory_equations import AXES, PRIOR_SIGMA
 from paperrepro.paper.published import ATTITUDE_ACCURACY
 from paperrepro.paper.verdicts import NO, OPEN, PARTLY, YES, Judge, Judged, shown, span
-from paperrepro.study.rows import ANGLES
 from paperrepro.study.simulated import BOUND, LEVER_ARM, SCREENED, WRONG
 from paperrepro.study.statistics import CONFIDENCE, SIGMA, TWO_SIDED, Interval, Surveys, TooLittle
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
+from paperrepro.frames import ANGLES
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.roofs import RoofParameters
 from paperrepro.paper.published import (
@@ -21,7 +22,7 @@ from paperrepro.paper.published import (
     TABLE5,
     Published,
 )
-from paperrepro.study.rows import ANGLES, Run
+from paperrepro.study.rows import Run
 
 #: The scenarios that the paper proposes; SL is its [11], D is ours.
 _PROPOSED = ["A", "B", "C"]

@@ -14,9 +14,6 @@ COLUMNS = (
 )  # fmt: skip
 
 
-ANGLES = ("omega", "phi", "kappa")
-
-
 @dataclass(frozen=True)
 class Run:
     """Which simulated survey a row speaks of."""

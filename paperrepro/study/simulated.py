@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from paperrepro.errors import PaperReproError, TooFewPlanes
-from paperrepro.frames import boresight_matrix
+from paperrepro.frames import ANGLES, boresight_matrix
 from paperrepro.method.accuracy import (
     Distribution,
     ReferencePlanes,
@@ -39,7 +39,7 @@ from paperrepro.method.coarse_to_fine import (
 )
 from paperrepro.method.georeference import georeference
 from paperrepro.method.tie_planes import TiePlanes
-from paperrepro.study.rows import ANGLES, Run
+from paperrepro.study.rows import Run
 from paperrepro.survey import Mounting, Rays, Survey
 
 ARTEFACT = "study"

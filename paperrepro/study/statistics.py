@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from paperrepro.study.rows import ANGLES
+from paperrepro.frames import ANGLES
 from paperrepro.study.simulated import ARTEFACT, BOUND, FAILED
 
 #: Fewer surveys of a setting than this support no verdict.

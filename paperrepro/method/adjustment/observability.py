@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from paperrepro.errors import NoConvergence, RankDefect
+from paperrepro.frames import AXIS_WORDS
 
-AXIS_WORDS = ("roll", "pitch", "yaw")
 #: A mounting made by hand is known to about a degree before any flight: data that leave a direction
 #: of the boresight wider than that have not determined it.
 WIDEST_SIGMA = np.deg2rad(1.0)

@@ -7,7 +7,8 @@ import pytest
 
 from paperrepro import figures
 from paperrepro.figures import study
-from paperrepro.study.rows import ANGLES, Run, frame
+from paperrepro.frames import ANGLES
+from paperrepro.study.rows import Run, frame
 from paperrepro.study.simulated import ARTEFACT, FAILED
 from paperrepro.study.statistics import binomial
 

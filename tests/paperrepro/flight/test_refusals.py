@@ -81,7 +81,7 @@ def test_other_files(folder, capsys):
 
 def test_a_strip_twice(folder, capsys):
     written = folder()
-    refused(written, capsys, "F1", "second strip", strips=[written.strips[0]] * 2)
+    refused(written, capsys, "F1", "given twice", strips=[written.strips[0]] * 2)
 
 
 def test_sources_are_not_overwritten(folder, capsys):

@@ -144,7 +144,7 @@ def test_heights_above_the_geoid_are_put_right_with_a_word(flown, folder, undula
     written = folder(scale=1e-3)
     written.change_strips(orthometric)
     flight = read(written)
-    assert flight.decoder.height_shift == pytest.approx(undulation, abs=0.01)
+    assert flight.decoder.shift[2] == pytest.approx(undulation, abs=0.01)
     assert any("geoid" in note for note in flight.notes)
     require_same(flown[0], flight, rho=0.012, azimuth=1e-3)
 

@@ -9,11 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from paperrepro.frames import ANGLES
 from paperrepro.method.adjustment.trajectory_equations import AXES
 from paperrepro.paper import claims
 from paperrepro.paper.published import Published
 from paperrepro.paper.verdicts import CONDITIONS, FAILS, HOLDS, UNTESTED, VERDICTS
-from paperrepro.study.rows import ANGLES, COLUMNS, Run, frame
+from paperrepro.study.rows import COLUMNS, Run, frame
 from paperrepro.study.simulated import (
     ARTEFACT,
     BOUND,

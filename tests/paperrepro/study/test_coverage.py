@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from paperrepro.study.rows import ANGLES, Run, frame
+from paperrepro.frames import ANGLES
+from paperrepro.study.rows import Run, frame
 from paperrepro.study.simulated import ARTEFACT, BOUND
 from paperrepro.study.statistics import promises
 
