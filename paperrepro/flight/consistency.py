@@ -11,7 +11,6 @@ the strips' agreement, with the same table.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
@@ -154,33 +153,36 @@ def _much_better(plain: Fit, others: Mapping) -> object | None:
 
 def _mended(evidence: Evidence) -> tuple[Evidence, list[str]] | None:
     """The evidence with fewest corrections under which the rays fit, and its notes; or None."""
-    tried = []
-    for heading, clock in product((None, *_headings(evidence)), (None, *CLOCKS)):
-        found = evidence
-        hypotheses = [hypothesis for hypothesis in (heading, clock) if hypothesis]
-        for hypothesis in hypotheses:
-            found = hypothesis.change(found)
-        if found.is_covered:
-            tried.append((hypotheses, found))
+    few, tried = evidence.few(), []
+    for heading in (None, *_headings(evidence)):
+        turned = heading.change(few) if heading else few
+        for clock in (None, *CLOCKS):
+            found = clock.change(turned) if clock else turned
+            if found.is_covered:
+                tried.append(([h for h in (heading, clock) if h], found))
     good = [(hypotheses, found) for hypotheses, found in tried if found.fit.good]
     if not good:
-        raised = [(hypotheses, found, found.few().with_height()) for hypotheses, found in tried]
-        raised = [
-            (hypotheses, found.with_height())
-            for hypotheses, found, few in raised
-            if few.fit is not None and few.fit.good
-        ]
-        good = [(hypotheses, found) for hypotheses, found in raised if found.fit.good]
-    if not good:
-        return None
-    hypotheses, found = min(good, key=lambda one: (len(one[0]), one[1].fit.scatter))
-    notes = [_note(hypothesis, found.fit) for hypothesis in hypotheses]
-    if found.shift.any():
-        notes.append(
-            f"{found.shift[2]:+.3f} m are added to the strips' heights, found from the rays: they "
-            f"stand above the geoid, the trajectory's above the ellipsoid{_fits(found.fit)}"
-        )
-    return found, notes
+        good = [(hypotheses, found.with_height()) for hypotheses, found in tried]
+        good = [(hypotheses, found) for hypotheses, found in good if found.fit.good]
+    for hypotheses, found in sorted(good, key=lambda one: (len(one[0]), one[1].fit.scatter)):
+        whole = evidence
+        for hypothesis in hypotheses:
+            whole = hypothesis.change(whole)
+        if found.shift.any() and whole.is_covered:
+            whole = whole.with_height()
+        if whole.fit is not None and whole.fit.good:
+            notes = [_note(hypothesis, whole.fit) for hypothesis in hypotheses]
+            return whole, notes + _height_notes(whole)
+    return None
+
+
+def _height_notes(evidence: Evidence) -> list[str]:
+    if not evidence.shift.any():
+        return []
+    return [
+        f"{evidence.shift[2]:+.3f} m are added to the strips' heights, found from the rays: they "
+        f"stand above the geoid, the trajectory's above the ellipsoid{_fits(evidence.fit)}"
+    ]
 
 
 def _note(hypothesis: Hypothesis, found: Fit) -> str:

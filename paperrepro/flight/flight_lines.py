@@ -18,7 +18,7 @@ PAUSE, TURN = 5.0, np.radians(45.0)
 SLOW = 1.0
 #: Times nearer than this, s, with the same ring, are one pulse.
 SAME_TIME = 5e-7
-#: Ranges nearer than this, m, are one echo.
+#: Points nearer to each other than this, m, are one echo.
 SAME_RANGE = 1e-3
 #: A line shorter than this, s, or with a smaller share of the file's points, is part of a turn.
 SHORTEST, SMALLEST = 3.0, 0.02
@@ -138,7 +138,8 @@ def _first_of_pulse(strip: Strip, part: np.ndarray) -> np.ndarray:
     first = np.flatnonzero(np.r_[True, ~same])  # of each pulse, the first part that holds it
     lowest = np.minimum.reduceat(part[order], first)
     kept = part[order] == lowest[pulse - 1]
-    twice = same & (np.diff(part[order]) == 0) & (np.abs(np.diff(rho)) < SAME_RANGE)
+    aside = np.abs(np.diff(strip.azimuth[order])) * rho[1:]
+    twice = same & (np.diff(part[order]) == 0) & (np.abs(np.diff(rho)) + aside < SAME_RANGE)
     kept[1:] &= ~twice
     index = order[kept]
     return index[np.argsort(strip.time[index], kind="stable")]

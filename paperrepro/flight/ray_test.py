@@ -138,21 +138,22 @@ def beam_numbers(found: Fit, beams: np.ndarray) -> np.ndarray | None:
 def best_height(pose: np.ndarray, sample: Sample, mounting: Mounting) -> tuple[float, Fit]:
     """The shift of heights, m, under which the rays fit best, and the `Fit` then."""
 
-    def scatter_of(index):
-        """As a function of the height, of the points at ``index``."""
-        _, order, edges = _by_ring(sample.ring[index])
-        p_m, pose_of = sample.p_m[index][order], pose[index][order]
+    def scatter_of(count):
+        """As a function of the height, of some ``count`` points, as many of each ring."""
+        index = _evenly(sample.ring, count)
+        p_m, pose_of = sample.p_m[index.ravel()], pose[index.ravel()]
         here = _across_and_along(pose_of, p_m, mounting)
         rise = _across_and_along(pose_of, p_m + UP, mounting) - here
 
         def scatter(height):
-            x, y, z = here + height * rise
-            return _scatter(np.arctan2(z, np.hypot(x, y)), edges)[1]
+            x, y, z = (here + height * rise).reshape(3, *index.shape)
+            elevation = np.arctan2(z, np.hypot(x, y))
+            return np.median(np.abs(elevation - np.median(elevation, axis=1, keepdims=True)))
 
         return scatter
 
-    best = min(HEIGHTS, key=scatter_of(slice(None, None, max(1, len(pose) // FEW))))
-    scatter, step = scatter_of(slice(None)), HEIGHTS[1] - HEIGHTS[0]
+    best = min(HEIGHTS, key=scatter_of(FEW))
+    scatter, step = scatter_of(len(pose)), HEIGHTS[1] - HEIGHTS[0]
     while step > HEIGHT_STEP:
         step /= 2
         best = min((best - step, best, best + step), key=scatter)
@@ -220,6 +221,15 @@ def _robust_solution(J: np.ndarray, e: np.ndarray) -> np.ndarray:
         r = np.abs(e - J @ x)
         kept = r <= 3 * 1.4826 * max(float(np.median(r)), 1e-9)
     return x
+
+
+def _evenly(ring: np.ndarray, count: int) -> np.ndarray:
+    """(K, M) indices of some ``count`` points, as many of each of the K rings that are common."""
+    _, order, edges = _by_ring(ring)
+    common = np.flatnonzero(np.diff(edges) > RARE * len(ring))
+    each = max(count // len(common), 1)
+    return np.array([order[np.linspace(edges[k], edges[k + 1] - 1, each).astype(int)]
+                     for k in common])  # fmt: skip
 
 
 def _across_and_along(pose, p_m, mounting: Mounting) -> np.ndarray:
