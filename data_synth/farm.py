@@ -1,12 +1,13 @@
 """The farm: ground, buildings, sheds, trees, a fence and a wire, drawn anew for every seed.
 
-Fifteen building sites lie on a 5 x 3 grid wide enough that houses of any azimuth stay apart; twelve
-hold gable houses, three hold sheds that are not gable. Small sheds and trees are then placed by
-rejection. m-frame, metres; the ground's mean height is 0.
+Building sites, three rows of five unless the layout says otherwise, lie on a grid wide enough that
+houses of any azimuth stay apart; four of five hold gable houses, the others sheds that are not
+gable. Small sheds and trees are then placed by rejection. m-frame, metres; the ground's mean height
+is 0.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import cycle, pairwise
 
 import numpy as np
 
@@ -22,75 +23,104 @@ from data_synth.buildings import (
     dormer_fits,
 )
 from data_synth.scene import ObjectClass, Scene, SceneBuilder
+from data_synth.terrain import Ground, add_features, add_ground, draw_ground
 from data_synth.vegetation import add_tree, draw_tree
 
-#: Half extents of the ground, and of the part where anything stands, m.
-GROUND_EXTENT = (200.0, 150.0)
-FARM_EXTENT = (100.0, 62.0)
-MAX_SLOPE = 0.04
-SITES_X = (-72.0, -36.0, 0.0, 36.0, 72.0)
-SITES_Y = (-38.0, 0.0, 38.0)
-N_GABLE, N_TREES, N_TREES_AT_ROOFS = 12, 40, 12
-#: Fence and wire run between the rows of sites, m.
-FENCE_Y, WIRE_Y, FENCE_HALF_LENGTH, WIRE_HALF_LENGTH = 19.0, -19.0, 60.0, 90.0
+#: From site to site, m.
+SITE_SPACING = (36.0, 38.0)
+#: Sites for one shed, and trees by site.
+SITES_PER_SHED, TREES_PER_SITE = 5, 8 / 3
+#: Whatever its azimuth, a shed on a site stays within a square of this side, m.
+SITE_SHED_EXTENT = 18.0
+#: Fence and wire run either side of the middle row, m from it, so far beyond the outermost site.
+FENCE_Y, WIRE_Y, FENCE_BEYOND, WIRE_BEYOND = 19.0, -19.0, -12.0, 18.0
 
 
 @dataclass(frozen=True)
-class Ground:
-    """Rolling ground: waves of ``wave`` (W, 2) rad/m, ``amplitude`` (W,) m, ``phase`` (W,) rad."""
+class Layout:
+    """``rows`` x ``columns`` of building sites about the origin."""
 
-    wave: np.ndarray
-    amplitude: np.ndarray
-    phase: np.ndarray
+    rows: int = 3
+    columns: int = 5
 
-    def height(self, x, y) -> np.ndarray:
-        """m, of the shape of ``x`` and ``y``."""
-        argument = np.multiply.outer(x, self.wave[:, 0]) + np.multiply.outer(y, self.wave[:, 1])
-        return np.sin(argument + self.phase) @ self.amplitude
+    @property
+    def reach(self) -> np.ndarray:
+        """(2,) half extents of the sites' middles, m."""
+        return 0.5 * np.array(SITE_SPACING) * (self.columns - 1, self.rows - 1)
+
+    @property
+    def sites(self) -> list[tuple[float, float]]:
+        """Middles, east and north m, column by column."""
+        x, y = (
+            spacing * np.arange(count) - reach
+            for spacing, count, reach in zip(
+                SITE_SPACING, (self.columns, self.rows), self.reach, strict=True
+            )
+        )
+        return [(a, b) for a in x for b in y]
+
+    @property
+    def n_gable(self) -> int:
+        """Houses; the other sites hold sheds."""
+        count = self.rows * self.columns
+        return count - count // SITES_PER_SHED
+
+    @property
+    def middle(self) -> float:
+        """North of the middle row, m."""
+        return SITE_SPACING[1] * (self.rows // 2) - self.reach[1]
+
+    @property
+    def extent(self) -> np.ndarray:
+        """(2,) half extents of the part where anything stands, m."""
+        return np.add(self.reach, (28.0, 24.0))
+
+    @property
+    def ground_extent(self) -> np.ndarray:
+        """(2,) half extents of the ground, m."""
+        return np.add(self.reach, (128.0, 112.0))
+
+    def half_length(self, beyond: float) -> float:
+        """Of a fence or wire, m."""
+        return max(self.reach[0] + beyond, 30.0)
 
 
-def build_farm(rng: np.random.Generator) -> Scene:
-    """The whole scene."""
+def build_farm(
+    rng: np.random.Generator,
+    relief: float = 1.0,
+    natural: np.random.Generator | None = None,
+    layout: Layout | None = None,
+) -> Scene:
+    """The whole scene; ``relief`` as `draw_ground`, and features of the ground drawn from
+    ``natural``, if any."""
+    layout = layout or Layout()
     builder = SceneBuilder()
-    ground = draw_ground(rng)
-    add_ground(builder, ground)
-    plots = [_lane(FENCE_Y, FENCE_HALF_LENGTH), _lane(WIRE_Y, WIRE_HALF_LENGTH)]
-    sites = rng.permutation([(x, y) for x in SITES_X for y in SITES_Y])
-    houses = [draw_house(site, ground, rng) for site in sites[:N_GABLE]]
+    ground = draw_ground(rng, relief)
+    fence_y, wire_y = layout.middle + FENCE_Y, layout.middle + WIRE_Y
+    fence, wire = (layout.half_length(beyond) for beyond in (FENCE_BEYOND, WIRE_BEYOND))
+    plots = [lane(fence_y, fence), lane(wire_y, wire)]
+    sites = rng.permutation(layout.sites)
+    n_gable = layout.n_gable
+    houses = [draw_house(site, ground, rng) for site in sites[:n_gable]]
+    if natural is not None:
+        taken = [with_overhang(house) for house in houses]
+        taken += [Plot(x, y, 0.0, SITE_SHED_EXTENT, SITE_SHED_EXTENT) for x, y in sites[n_gable:]]
+        ground = add_features(ground, taken, natural, layout.ground_extent)
+        plots += [feature.plot for feature in ground.features]
+    add_ground(builder, ground, layout.ground_extent)
     for number, house in enumerate(houses):
         furnish(builder, house, number, rng)
     plots += [with_overhang(house) for house in houses]
-    plots += _add_site_sheds(builder, sites[N_GABLE:], ground, rng)
+    plots += _add_site_sheds(builder, sites[n_gable:], ground, rng)
     plots += _add_near_sheds(builder, houses, plots, ground, rng)
-    add_fence(builder, ground)
-    add_wire(builder, ground)
-    _add_trees(builder, plots, houses, ground, rng)
+    add_fence(builder, ground, fence_y, fence)
+    add_wire(builder, ground, wire_y, wire)
+    n_trees = round(TREES_PER_SITE * len(sites))
+    add_trees(builder, plots, houses, ground, layout.extent, n_trees, rng)
     return builder.build()
 
 
-def draw_ground(rng: np.random.Generator) -> Ground:
-    """Waves of 90-280 m whose slopes together stay below `MAX_SLOPE`."""
-    count = 5
-    length, azimuth = rng.uniform(90.0, 280.0, count), rng.uniform(0.0, np.pi, count)
-    wave = (2 * np.pi / length)[:, None] * np.column_stack([np.sin(azimuth), np.cos(azimuth)])
-    slope = rng.uniform(0.4, 1.0, count)
-    slope *= MAX_SLOPE / slope.sum()
-    return Ground(wave, slope * length / (2 * np.pi), rng.uniform(0.0, 2 * np.pi, count))
-
-
-def add_ground(builder: SceneBuilder, ground: Ground, step: float = 4.0) -> None:
-    """A grid of triangles."""
-    x, y = (np.arange(-extent, extent + step, step) for extent in GROUND_EXTENT)
-    X, Y = np.meshgrid(x, y, indexing="ij")
-    vertices = np.column_stack([X.ravel(), Y.ravel(), ground.height(X, Y).ravel()])
-    index = np.arange(X.size).reshape(X.shape)
-    a, b = index[:-1, :-1].ravel(), index[1:, :-1].ravel()
-    c, d = index[1:, 1:].ravel(), index[:-1, 1:].ravel()
-    triangles = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-    builder.mesh(vertices, triangles, ObjectClass.GROUND)
-
-
-def _lane(y: float, half_length: float) -> Plot:
+def lane(y: float, half_length: float) -> Plot:
     """The strip of ground kept free for fence or wire."""
     return Plot(0.0, y, np.pi / 2, 2 * half_length, 0.6)
 
@@ -126,14 +156,18 @@ def furnish(builder: SceneBuilder, house: GableHouse, number: int, rng) -> None:
 
 
 def _add_site_sheds(builder: SceneBuilder, sites, ground: Ground, rng) -> list[Plot]:
-    """One flat, one mono-pitch, one hip roof, as large as houses."""
+    """Flat, mono-pitch and hip roofs in turn, as large as houses."""
     sizes, plots = ((14.0, 10.0), (13.0, 7.0), (11.0, 9.0)), []
-    for (x, y), (length, width) in zip(sites, sizes, strict=True):
+    for (x, y), (length, width) in zip(sites, cycle(sizes), strict=False):
         base = float(ground.height(x, y))
         plots.append(Plot(x, y, rng.uniform(0.0, np.pi), length, width, base))
-    add_flat_shed(builder, plots[0], 4.0)
-    add_mono_pitch_shed(builder, plots[1], 3.0, np.radians(rng.uniform(8.0, 15.0)))
-    add_hip_shed(builder, plots[2], 3.5, np.radians(rng.uniform(20.0, 30.0)))
+    for number, plot in enumerate(plots):
+        if number % 3 == 0:
+            add_flat_shed(builder, plot, 4.0)
+        elif number % 3 == 1:
+            add_mono_pitch_shed(builder, plot, 3.0, np.radians(rng.uniform(8.0, 15.0)))
+        else:
+            add_hip_shed(builder, plot, 3.5, np.radians(rng.uniform(20.0, 30.0)))
     return plots
 
 
@@ -171,44 +205,47 @@ def _near_point(plot: Plot, distance: float, rng) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def _add_trees(builder: SceneBuilder, plots: list[Plot], houses, ground: Ground, rng) -> None:
-    """`N_TREES` trees, some so close to houses that their crowns reach over the roof."""
+def add_trees(
+    builder: SceneBuilder, plots: list[Plot], houses, ground: Ground, extent, count: int, rng
+) -> None:
+    """``count`` trees within ``extent`` (2,) m, one a house so close that its crown reaches over
+    the roof."""
     stems = np.empty((0, 2))
-    while len(stems) < N_TREES:
-        if len(stems) < N_TREES_AT_ROOFS:
+    while len(stems) < count:
+        if len(stems) < len(houses):
             home = with_overhang(houses[rng.integers(len(houses))])
             xy = np.array(_near_point(home, rng.uniform(1.2, 3.0), rng))
         else:
-            xy = rng.uniform(-1.0, 1.0, 2) * FARM_EXTENT
+            xy = rng.uniform(-1.0, 1.0, 2) * extent
         clear = all(plot.distance(xy)[0] > 1.0 for plot in plots)
         if clear and (np.hypot(*(stems - xy).T) > 3.5).all():
             stems = np.vstack([stems, xy])
             add_tree(builder, draw_tree(*xy, float(ground.height(*xy)), rng), rng)
 
 
-def add_fence(builder: SceneBuilder, ground: Ground) -> None:
+def add_fence(builder: SceneBuilder, ground: Ground, y: float, half_length: float) -> None:
     """Posts every 3 m and three rails."""
-    x = np.arange(-FENCE_HALF_LENGTH, FENCE_HALF_LENGTH + 0.1, 3.0)
-    z = ground.height(x, np.full_like(x, FENCE_Y))
+    x = np.arange(-half_length, half_length + 0.1, 3.0)
+    z = ground.height(x, np.full_like(x, y))
     for k in range(len(x)):
-        _add_box(builder, (x[k], FENCE_Y), 0.12, (z[k] - 0.3, z[k] + 1.3), ObjectClass.FENCE)
+        _add_box(builder, (x[k], y), 0.12, (z[k] - 0.3, z[k] + 1.3), ObjectClass.FENCE)
     for k in range(len(x) - 1):
         for rise in (0.4, 0.8, 1.2):
-            ends = np.array([(x[j], FENCE_Y, z[j] + rise) for j in (k, k + 1)])
+            ends = np.array([(x[j], y, z[j] + rise) for j in (k, k + 1)])
             _add_bar(builder, ends, 0.06, ObjectClass.FENCE)
 
 
-def add_wire(builder: SceneBuilder, ground: Ground) -> None:
+def add_wire(builder: SceneBuilder, ground: Ground, y: float, half_length: float) -> None:
     """Poles and a sagging conductor, 4 cm thick so that a laser meets it now and then."""
     span, height = 30.0, 8.0
-    x = np.arange(-WIRE_HALF_LENGTH, WIRE_HALF_LENGTH + 0.1, span)
-    z = ground.height(x, np.full_like(x, WIRE_Y))
+    x = np.arange(-half_length, half_length + 0.1, span)
+    z = ground.height(x, np.full_like(x, y))
     for k in range(len(x)):
-        _add_box(builder, (x[k], WIRE_Y), 0.25, (z[k] - 0.3, z[k] + height), ObjectClass.WIRE)
+        _add_box(builder, (x[k], y), 0.25, (z[k] - 0.3, z[k] + height), ObjectClass.WIRE)
     u = np.linspace(0.0, 1.0, 13)
     for k in range(len(x) - 1):
         sag = z[k] + height + (z[k + 1] - z[k]) * u - 4 * 0.7 * u * (1 - u)
-        path = np.column_stack([x[k] + span * u, np.full_like(u, WIRE_Y), sag])
+        path = np.column_stack([x[k] + span * u, np.full_like(u, y), sag])
         for ends in pairwise(path):
             _add_bar(builder, np.array(ends), 0.02, ObjectClass.WIRE)
 

@@ -1,11 +1,11 @@
-"""The flight plan of Table 1 and the true motion of the mission.
+"""Flight plans, that of Table 1 first, and the true motion of the mission.
 
 m-frame east-north-up, attitude roll, pitch, heading as in `paperrepro.frames`; metres, seconds,
 radians. The plan is exact over flat ground: swath 2 h tan 60 deg from 30 m. The true motion is the
 planned course plus gusts and vibration, a smooth function of time.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import BPoly, PPoly
@@ -24,24 +24,82 @@ MISSION_START = 1000.0
 TURN_TIME, TURN_SLOWNESS = 12.0, 1.9
 
 NORTH, EAST, SOUTH, WEST = (np.radians(h) for h in (0.0, 90.0, 180.0, 270.0))
-#: Offset of each line across its direction, in swaths, east (F1-F6) or north (F7-F8) of the
-#: middle, and its heading: spacing = (1 - overlap) swaths gives Table 1.
-PLAN = {
-    "F1": (0.0, NORTH),
-    "F2": (0.0, SOUTH),
-    "F3": (0.3, NORTH),
-    "F4": (0.8, SOUTH),
-    "F5": (-0.3, NORTH),
-    "F6": (-0.8, SOUTH),
-    "F7": (0.0, EAST),
-    "F8": (0.0, WEST),
-}
+
+
+@dataclass(frozen=True)
+class PlannedLine:
+    """``name``; ``offset`` across, in swaths, east or north of the site's middle; ``heading`` rad,
+    one of `NORTH`, `EAST`, `SOUTH`, `WEST`."""
+
+    name: str
+    offset: float
+    heading: float
+
+
+@dataclass(frozen=True)
+class FlightPlan:
+    """``lines`` one after the other, each of ``length`` m about the site's middle, ``height`` m
+    above the mean ground, at ``speed`` m/s. Raises `BadInput`."""
+
+    lines: tuple[PlannedLine, ...]
+    length: float = LINE_LENGTH
+    height: float = HEIGHT
+    speed: float = SPEED
+
+    def __post_init__(self):
+        if not self.lines or len({line.name for line in self.lines}) < len(self.lines):
+            raise BadInput("flight plan: expected lines of different names; name each line once")
+        for line in self.lines:
+            if min(abs(line.heading - course) for course in (NORTH, EAST, SOUTH, WEST)) > 1e-9:
+                raise BadInput(
+                    f"{line.name}: expected a heading north, east, south or west, got "
+                    f"{np.degrees(line.heading):g} degrees; turn the site instead"
+                )
+        if not min(self.length, self.height, self.speed) > 0:
+            raise BadInput("flight plan: expected length, height and speed above 0")
+
+    @property
+    def swath(self) -> float:
+        """Width over flat ground, m."""
+        return 2 * self.height * np.tan(HALF_SWATH)
+
+    def only(self, *names: str) -> "FlightPlan":
+        """The same with the lines of these names, in the order of the plan."""
+        return replace(self, lines=tuple(line for line in self.lines if line.name in names))
+
+
+#: Spacing = (1 - overlap) swaths gives Table 1.
+TABLE_1 = FlightPlan(
+    (
+        PlannedLine("F1", 0.0, NORTH),
+        PlannedLine("F2", 0.0, SOUTH),
+        PlannedLine("F3", 0.3, NORTH),
+        PlannedLine("F4", 0.8, SOUTH),
+        PlannedLine("F5", -0.3, NORTH),
+        PlannedLine("F6", -0.8, SOUTH),
+        PlannedLine("F7", 0.0, EAST),
+        PlannedLine("F8", 0.0, WEST),
+    )
+)
+
+
+def covering(half_east: float, half_north: float, overlap: float = 0.5) -> FlightPlan:
+    """A plan for a site of these half extents, m: lines to and fro that ``overlap``, 0-1, and two
+    across the middle, all as long as the longer side."""
+    count = int(np.ceil(2 * half_east / (TABLE_1.swath * (1 - overlap)))) + 1
+    offsets = (1 - overlap) * (np.arange(count) - 0.5 * (count - 1))
+    lines = [
+        PlannedLine(f"F{k + 1}", float(offset), (NORTH, SOUTH)[k % 2])
+        for k, offset in enumerate(offsets)
+    ]
+    across = [PlannedLine(f"F{count + 1 + k}", 0.0, (EAST, WEST)[k]) for k in (0, 1)]
+    return FlightPlan((*lines, *across), length=2 * max(half_east, half_north))
 
 
 @dataclass(frozen=True)
 class FlightLine:
     """A recorded line: ``start`` and ``end`` (2,) m east, north; ``heading`` rad; the record's
-    ``start_time`` and ``end_time`` s."""
+    ``start_time`` and ``end_time`` s; ``height`` m."""
 
     name: str
     start: np.ndarray
@@ -49,6 +107,7 @@ class FlightLine:
     heading: float
     start_time: float
     end_time: float
+    height: float = HEIGHT
 
     @property
     def velocity(self) -> np.ndarray:
@@ -58,29 +117,33 @@ class FlightLine:
     def swath(self) -> np.ndarray:
         """(2, 2): lower left and upper right corner of the ground it covers over flat ground, m."""
         along = np.abs(self.end - self.start)
-        across = 0.5 * SWATH * (along == 0)
+        across = self.height * np.tan(HALF_SWATH) * (along == 0)
         low, high = np.minimum(self.start, self.end), np.maximum(self.start, self.end)
         return np.array([low - across, high + across])
 
 
-def flight_plan() -> tuple[FlightLine, ...]:
-    """The eight lines, one after the other."""
+def flight_plan(plan: FlightPlan = TABLE_1) -> tuple[FlightLine, ...]:
+    """The lines of a plan with their times."""
     lines, time, before = [], MISSION_START + RUN_IN, None
-    for name, (offset, heading) in PLAN.items():
+    length, speed = plan.length, plan.speed
+    for planned in plan.lines:
+        offset, heading = planned.offset, planned.heading
         along = np.round([np.sin(heading), np.cos(heading)])
-        middle = offset * SWATH * np.round([np.cos(heading) ** 2, np.sin(heading) ** 2])
-        start, end = middle - 0.5 * LINE_LENGTH * along, middle + 0.5 * LINE_LENGTH * along
+        middle = offset * plan.swath * np.round([np.cos(heading) ** 2, np.sin(heading) ** 2])
+        start, end = middle - 0.5 * length * along, middle + 0.5 * length * along
         if before is not None:
-            turn = _turn_time(before, start - RUN_IN * SPEED * along)
+            turn = _turn_time(before, start - RUN_IN * speed * along, speed)
             time = before.end_time + 2 * RUN_IN + turn
-        before = FlightLine(name, start, end, float(heading), time, time + LINE_LENGTH / SPEED)
+        before = FlightLine(
+            planned.name, start, end, float(heading), time, time + length / speed, plan.height
+        )
         lines.append(before)
     return tuple(lines)
 
 
-def _turn_time(before: FlightLine, entry: np.ndarray) -> float:
+def _turn_time(before: FlightLine, entry: np.ndarray, speed: float) -> float:
     gap = np.linalg.norm(entry - (before.end + RUN_IN * before.velocity))
-    return max(TURN_TIME, float(TURN_SLOWNESS * gap / SPEED))
+    return max(TURN_TIME, float(TURN_SLOWNESS * gap / speed))
 
 
 def overlap(a: FlightLine, b: FlightLine) -> float:
@@ -94,16 +157,22 @@ def direction_words(a: FlightLine, b: FlightLine) -> str:
     """Direction of a pair as Table 1 has it: the axis doubled if both fly the same way
     ("North-North", also for two southward lines), both ends of the axis if opposite ways."""
     dot = a.velocity @ b.velocity
-    if not np.isclose(abs(dot), SPEED**2):
+    if not np.isclose(abs(dot), np.linalg.norm(a.velocity) * np.linalg.norm(b.velocity)):
         raise BadInput(f"{a.name}-{b.name}: expected parallel lines, they cross; pair others")
     first, second = ("North", "South") if a.velocity[0] == 0 else ("West", "East")
     return f"{first}-{first if dot > 0 else second}"
 
 
-def fly(lines: tuple[FlightLine, ...], rng: np.random.Generator) -> Motion:
-    """The true motion of the whole mission."""
+def fly(
+    lines: tuple[FlightLine, ...],
+    rng: np.random.Generator,
+    gust_scale: float = 1.0,
+    vibration_scale: float = 1.0,
+) -> Motion:
+    """The true motion of the whole mission, as `data_synth.motion.draw_disturbance` disturbs it."""
     course = _course(lines)
-    return Motion(course, draw_disturbance(rng), course.x[0], course.x[-1])
+    disturbance = draw_disturbance(rng, gust_scale, vibration_scale)
+    return Motion(course, disturbance, course.x[0], course.x[-1])
 
 
 def _course(lines: tuple[FlightLine, ...]) -> PPoly:
@@ -115,7 +184,7 @@ def _course(lines: tuple[FlightLine, ...]) -> PPoly:
         for time in (line.start_time - RUN_IN, line.end_time + RUN_IN):
             at = line.start + (time - line.start_time) * line.velocity
             state = np.zeros((3, 4))
-            state[0], state[1, :2] = (*at, HEIGHT, heading), line.velocity
+            state[0], state[1, :2] = (*at, line.height, heading), line.velocity
             times.append(time)
             nodes.append(state)
     return PPoly.from_bernstein_basis(BPoly.from_derivatives(times, np.array(nodes)))

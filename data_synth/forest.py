@@ -6,8 +6,10 @@ over the stand can be calibrated from its own roofs. m-frame, metres.
 
 import numpy as np
 
-from data_synth.farm import Ground, add_ground, draw_ground, draw_house, furnish, with_overhang
+from data_synth.buildings import Plot
+from data_synth.farm import draw_house, furnish, with_overhang
 from data_synth.scene import Scene, SceneBuilder
+from data_synth.terrain import Ground, add_features, add_ground, draw_ground
 from data_synth.vegetation import Tree, add_tree
 
 #: Half extents of the stand, m: 0.5 ha, and its trees, 400 per ha.
@@ -19,12 +21,19 @@ STEM_SPACING, ROOF_SPACING = 3.0, 3.0
 SITES = tuple((x, y) for x in (-46.0, 46.0) for y in (-38.0, 0.0, 38.0))
 
 
-def build_forest(rng: np.random.Generator) -> Scene:
-    """The whole scene."""
+def build_forest(
+    rng: np.random.Generator,
+    relief: float = 1.0,
+    natural: np.random.Generator | None = None,
+) -> Scene:
+    """The whole scene; ``relief`` and ``natural`` as `data_synth.farm.build_farm`."""
     builder = SceneBuilder()
-    ground = draw_ground(rng)
-    add_ground(builder, ground)
+    ground = draw_ground(rng, relief)
     houses = [draw_house(np.array(site), ground, rng) for site in SITES]
+    if natural is not None:
+        stand = Plot(0.0, 0.0, 0.0, 2 * STAND_EXTENT[1], 2 * STAND_EXTENT[0])
+        ground = add_features(ground, [stand, *map(with_overhang, houses)], natural)
+    add_ground(builder, ground)
     for number, house in enumerate(houses):
         furnish(builder, house, number, rng)
     plots = [with_overhang(house) for house in houses]

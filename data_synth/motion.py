@@ -1,10 +1,11 @@
 """True motion as a smooth function of time: a planned course, plus gusts and vibration.
 
 The function is the cubic Hermite through exact values and rates every half millisecond. At 15 Hz,
-the fastest vibration, that differs from the sinusoids themselves by 1e-8 of their amplitude.
+the fastest vibration that the GNSS/INS sees, that differs from the sinusoids themselves by 1e-8 of
+their amplitude; at 60 Hz by 3e-6.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
@@ -22,6 +23,11 @@ GUST_BAND = np.array([[0.03, 0.4]] * 3 + [[0.05, 0.9]] * 3)
 VIBRATION_RMS = np.array([0.001, 0.001, 0.002, *np.radians([0.03, 0.03, 0.02])])
 VIBRATION_BAND = np.array([[6.0, 15.0]] * 6)
 N_GUSTS, N_VIBRATIONS = 12, 6
+#: Vibration between GNSS/INS and scanner, which the former does not see: band, Hz, and root mean
+#: square by degree of attitude, east, north, up m, roll, pitch, heading rad.
+UNSEEN_BAND = np.array([[15.0, 60.0]] * 6)
+UNSEEN_PER_DEGREE = np.array([0.03, 0.03, 0.06, *np.radians([1.0, 1.0, 1.0])])
+N_UNSEEN = 12
 
 
 @dataclass(frozen=True)
@@ -33,6 +39,11 @@ class Disturbance:
     omega: np.ndarray
     phase: np.ndarray
 
+    def __add__(self, other: "Disturbance") -> "Disturbance":
+        columns = ("amplitude", "omega", "phase")
+        pairs = ([getattr(self, c), getattr(other, c)] for c in columns)
+        return Disturbance(*(np.concatenate(pair, axis=1) for pair in pairs))
+
     def at(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Values (M, 6) and rates (M, 6)."""
         value, rate = np.empty((len(time), 6)), np.empty((len(time), 6))
@@ -41,13 +52,22 @@ class Disturbance:
         return value, rate
 
 
-def draw_disturbance(rng: np.random.Generator) -> Disturbance:
-    """Frequencies log-uniform in their band, slow ones stronger, phases random."""
+def draw_disturbance(
+    rng: np.random.Generator, gust_scale: float = 1.0, vibration_scale: float = 1.0
+) -> Disturbance:
+    """Frequencies log-uniform in their band, slow ones stronger, phases random; the scales are
+    factors on `GUST_RMS` and `VIBRATION_RMS`."""
     parts = [
-        _draw_band(GUST_RMS, GUST_BAND, N_GUSTS, rng),
-        _draw_band(VIBRATION_RMS, VIBRATION_BAND, N_VIBRATIONS, rng),
+        _draw_band(gust_scale * GUST_RMS, GUST_BAND, N_GUSTS, rng),
+        _draw_band(vibration_scale * VIBRATION_RMS, VIBRATION_BAND, N_VIBRATIONS, rng),
     ]
     return Disturbance(*(np.concatenate(column, axis=1) for column in zip(*parts, strict=True)))
+
+
+def draw_unseen_vibration(rms_deg: float, rng: np.random.Generator) -> Disturbance:
+    """A band of `UNSEEN_BAND` of ``rms_deg`` in each of roll, pitch and heading, and what goes with
+    it in position."""
+    return Disturbance(*_draw_band(rms_deg * UNSEEN_PER_DEGREE, UNSEEN_BAND, N_UNSEEN, rng))
 
 
 def _draw_band(rms, band, count: int, rng) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -92,6 +112,10 @@ class Motion:
         origin = self.start + FINE_STEP * first
         over_threads(_hermite, len(time), time, origin, FINE_STEP, value, rate, pose)
         return pose
+
+    def vibrating(self, unseen: Disturbance) -> "Motion":
+        """The same with a further disturbance."""
+        return replace(self, disturbance=self.disturbance + unseen)
 
     def record(self) -> Trajectory:
         """The true `Trajectory` every 5 ms, heading wrapped to [-pi, pi) as an SBET has it."""

@@ -15,6 +15,7 @@ import numpy as np
 import pyproj
 from scipy.spatial.transform import Rotation
 
+from data_synth.evaluation import trajectory_error
 from data_synth.raycast import aim
 from data_synth.simulation import Truth
 from paperrepro.errors import BadInput
@@ -156,14 +157,25 @@ correlation_time_s = {navigation.correlation_time!r}
 """
 
 
-def truth_text(truth: Truth, site: Site) -> str:
-    """`truth.json`: what the calibration should find, roof planes in the farm's frame."""
+def truth_text(survey: Survey, truth: Truth, site: Site) -> str:
+    """`truth.json`: what the calibration should find, roof planes in the farm's frame, and what
+    else was off."""
     names = ("omega", "phi", "kappa")
     degrees = np.degrees(truth.boresight).tolist()
+    errors = truth.scanner_errors
+    rms = np.sqrt((trajectory_error(survey, truth) ** 2).mean(axis=0))
     content = {
         "boresight_deg": dict(zip(names, degrees, strict=True)),
         "range_offsets_m": np.asarray(truth.range_offsets).tolist(),
         "lever_arm_m": np.asarray(truth.lever_arm).tolist(),
+        "clock_delay_s": errors.clock_delay,
+        "beam_elevation_offsets_deg": np.degrees(errors.elevation_offsets).tolist(),
+        "beam_azimuth_offsets_deg": np.degrees(errors.azimuth_offsets).tolist(),
+        "range_scale_ppm": 1e6 * errors.range_scale,
+        "trajectory_rms": {
+            "position_m": rms[:3].tolist(),
+            "attitude_deg": np.degrees(rms[3:]).tolist(),
+        },
         "origin": {
             "latitude_deg": site.latitude_deg,
             "longitude_deg": site.longitude_deg,
@@ -204,4 +216,4 @@ def write_survey(
         write_strip(folder / f"{strip.name}.laz", survey, strip, site, scale)
     sbet_records(survey, site).astype("<f8").tofile(folder / "mission.sbet")
     (folder / "mounting.toml").write_text(mounting_text(survey), encoding="utf-8")
-    (folder / "truth.json").write_text(truth_text(truth, site), encoding="utf-8")
+    (folder / "truth.json").write_text(truth_text(survey, truth, site), encoding="utf-8")

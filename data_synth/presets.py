@@ -5,6 +5,8 @@ from numbers import Integral
 
 import numpy as np
 
+from data_synth.navigation import NAVIGATION
+from data_synth.surfaces import ROOF_SURFACES
 from paperrepro.errors import BadInput
 
 #: True boresight omega, phi, kappa in degrees. ``mount``: mounted by hand. ``table4``: scenario A's
@@ -14,18 +16,62 @@ PRESETS = {"mount": (1.1, -0.8, 1.3), "table4": (0.0187, -0.0155, 0.0008)}
 #: One of how many firing sequences is kept: the same geometry and beams at every profile.
 PROFILES = {"quick": 16, "paper": 1}
 
-#: What is flown over: the paper's kind of site, or a stand of trees with houses at its edge.
-SCENES = ("farm", "forest")
+#: What is flown over: the paper's kind of site, a stand of trees with houses at its edge, a yard of
+#: cars, walls, containers and heaps, or fields without any building.
+SCENES = ("farm", "forest", "yard", "fields")
+#: Rolling ground, or the same with banks, ditches and dams.
+TERRAINS = ("rolling", "natural")
+
+#: Rows and columns of the farm's building sites.
+SITES = (3, 5)
+
+#: Amounts and factors, which have no sign.
+NOT_NEGATIVE = (
+    "noise_scale", "range_offset_sigma_m", "unseen_vibration_deg", "lever_arm_sigma_m",
+    "beam_elevation_sigma_deg", "beam_azimuth_sigma_deg", "range_noise_growth",
+    "roof_surface_scale", "ground_roughness_m", "ground_relief", "gust_scale", "vibration_scale",
+)  # fmt: skip
+#: The trajectory reaches so far beyond the lines, s; a scale of a tenth is no longer one, ppm.
+MOST_CLOCK_DELAY, MOST_RANGE_SCALE = 1.0, 1e5
 
 
 @dataclass(frozen=True)
 class SimulationConfig:
-    """A simulated survey in plain scalars.
+    """A simulated survey in plain scalars. By default only what the specifications say is off.
 
-    ``noise_scale`` multiplies the GNSS/INS error only; ``sensor_noise`` switches range noise, angle
-    noise and dust; ``range_offset_sigma_m`` is the spread of the beams' true range offsets;
-    ``boresight_deg`` overrides the preset's; ``scene`` is one of `SCENES`. Raises
-    `BadInput` where a value cannot be used.
+    Parameters
+    ----------
+    seed : whole number; every kind of error has its own stream of random numbers.
+    preset, profile, scene, terrain : of `PRESETS`, `PROFILES`, `SCENES`, `TERRAINS`.
+    noise_scale : factor on the GNSS/INS error, of whatever kind.
+    sensor_noise : range noise, angle noise and dust, or none.
+    range_offset_sigma_m : spread of the beams' true range offsets.
+    boresight_deg : omega, phi, kappa in place of the preset's.
+    reference_noise : of the airborne reference cloud, or none.
+    navigation : kind of the GNSS/INS error, of `data_synth.navigation.NAVIGATION`.
+    unseen_vibration_deg : root mean square of a vibration (15-60 Hz) of roll, pitch and heading,
+        with 3-6 cm a degree in position, that the trajectory does not report.
+    clock_delay_s : by which the laser's time stamps are later than the trajectory's clock; under
+        one second.
+    lever_arm_sigma_m : of the error, by axis, of the lever arm that the operator is told.
+    beam_elevation_sigma_deg, beam_azimuth_sigma_deg : spread of the beams about the scanner's
+        table.
+    range_scale_ppm : by which measured ranges are too long.
+    range_noise_growth : how range noise grows with incidence and distance and on dark surfaces: 0
+        not, 1 as the root of a falling echo, 2 as the echo
+        (`data_synth.sensors.range_noise_factor`).
+    roof_surface : of `data_synth.surfaces.ROOF_SURFACES`: planes, tiles, sheets, and so on.
+    roof_surface_scale : factor on the heights of roofs over their planes.
+    ground_roughness_m : root mean square of the ground's heights over its facets.
+    ground_relief : factor on the heights of the rolling ground; 0 is level.
+    site_rows, site_columns : of the farm's building sites, four of five of which hold a gable
+        house; the flight plan is another argument of `simulate`, the reference covers 280 x 170 m.
+    gust_scale, vibration_scale : factors on the true motion's gusts, and on the vibration that the
+        trajectory reports.
+
+    Raises
+    ------
+    BadInput : where a value cannot be used.
     """
 
     seed: int = 1
@@ -37,14 +83,44 @@ class SimulationConfig:
     boresight_deg: tuple[float, float, float] | None = None
     reference_noise: bool = True
     scene: str = "farm"
+    navigation: str = "gauss-markov"
+    unseen_vibration_deg: float = 0.0
+    clock_delay_s: float = 0.0
+    lever_arm_sigma_m: float = 0.0
+    beam_elevation_sigma_deg: float = 0.0
+    beam_azimuth_sigma_deg: float = 0.0
+    range_scale_ppm: float = 0.0
+    range_noise_growth: float = 0.0
+    roof_surface: str = "plane"
+    roof_surface_scale: float = 1.0
+    ground_roughness_m: float = 0.0
+    ground_relief: float = 1.0
+    gust_scale: float = 1.0
+    vibration_scale: float = 1.0
+    terrain: str = "rolling"
+    site_rows: int = SITES[0]
+    site_columns: int = SITES[1]
 
     def __post_init__(self):
         _require_choice("preset", self.preset, PRESETS)
         _require_choice("profile", self.profile, PROFILES)
         _require_choice("scene", self.scene, SCENES)
-        _require_whole("seed", self.seed)
-        _require_not_negative("noise_scale", self.noise_scale)
-        _require_not_negative("range_offset_sigma_m", self.range_offset_sigma_m)
+        _require_choice("terrain", self.terrain, TERRAINS)
+        _require_choice("navigation", self.navigation, NAVIGATION)
+        _require_choice("roof_surface", self.roof_surface, ROOF_SURFACES)
+        for name in ("seed", "site_rows", "site_columns"):
+            _require_whole(name, getattr(self, name))
+        for name in NOT_NEGATIVE:
+            _require_not_negative(name, getattr(self, name))
+        if min(self.site_rows, self.site_columns) < 1:
+            raise BadInput(
+                f"site_rows, site_columns: expected at least 1, got {self.site_rows}, "
+                f"{self.site_columns}; give one or more, or the scene fields"
+            )
+        if self.scene != "farm" and (self.site_rows, self.site_columns) != SITES:
+            raise BadInput("site_rows, site_columns: only the scene farm has them; leave them out")
+        _require_within("clock_delay_s", self.clock_delay_s, MOST_CLOCK_DELAY)
+        _require_within("range_scale_ppm", self.range_scale_ppm, MOST_RANGE_SCALE)
         if self.boresight_deg is not None:
             _require_angles(self.boresight_deg)
             angles = tuple(float(angle) for angle in self.boresight_deg)
@@ -81,6 +157,11 @@ def _require_whole(what: str, value) -> None:
 def _require_not_negative(what: str, value) -> None:
     if not (np.isfinite(value) and value >= 0):
         raise BadInput(f"{what}: expected a number >= 0, got {value!r}; give zero or more")
+
+
+def _require_within(what: str, value, most: float) -> None:
+    if not (np.isfinite(value) and abs(value) < most):
+        raise BadInput(f"{what}: expected a number within {most:g}, got {value!r}; give less")
 
 
 def _require_angles(angles) -> None:

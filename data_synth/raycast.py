@@ -1,8 +1,9 @@
 """Rays from true poses into the scene.
 
 Open3D finds, in single precision, which triangle a ray meets; the range is then computed in double
-precision from that triangle's plane. Written without the method's LiDAR equation: a body's axes
-are built from heading, pitch and roll, so that a wrong sign on either side shows.
+precision from that triangle's plane, and from its relief where it has one. Written without the
+method's LiDAR equation: a body's axes are built from heading, pitch and roll, so that a wrong sign
+on either side shows.
 """
 
 import os
@@ -10,6 +11,7 @@ import os
 import numba
 import numpy as np
 
+from data_synth.relief import Relief
 from data_synth.scene import Scene
 from paperrepro._compiled import over_threads
 from paperrepro.survey import Mounting
@@ -28,11 +30,11 @@ def _open3d():
 
 
 class Raycaster:
-    """A scene made ready for casting."""
+    """A scene made ready for casting, with ``relief`` where its surfaces are no planes."""
 
-    def __init__(self, scene: Scene):
+    def __init__(self, scene: Scene, relief: Relief | None = None):
         o3d = _open3d()
-        self._planes = scene.planes
+        self._planes, self._relief = scene.planes, relief
         self._scene = o3d.t.geometry.RaycastingScene()
         self._scene.add_triangles(
             o3d.core.Tensor(scene.vertices.astype(np.float32)),
@@ -53,6 +55,8 @@ class Raycaster:
             out = distance[part], triangle[part]
             rays = origin[part], direction[part]
             over_threads(_distances, len(hit), *rays, hit, self._planes, *out)
+            if self._relief is not None:
+                self._relief.displace(*rays, self._planes, *out)
         return distance, triangle
 
 

@@ -1,6 +1,6 @@
 """One flight line through the scanner: pulses, rays, noise, a strip."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -8,7 +8,14 @@ from data_synth.flight import FlightLine
 from data_synth.motion import Motion
 from data_synth.raycast import BATCH, Raycaster, aim
 from data_synth.scene import ObjectClass, Scene
-from data_synth.sensors import MAX_RANGE, MIN_RANGE, Pulses, fire
+from data_synth.sensors import (
+    MAX_RANGE,
+    MIN_RANGE,
+    Pulses,
+    ScannerErrors,
+    fire,
+    range_noise_factor,
+)
 from paperrepro.survey import Mounting, Scanner, Strip
 
 #: Share of the returns that come from dust in the air before the target.
@@ -42,7 +49,8 @@ def draw_pulse_noise(count: int, scanner: Scanner, rng: np.random.Generator) -> 
 
 @dataclass(frozen=True)
 class Recorder:
-    """Scanner in its true ``mounting`` on its true ``motion`` over a ``scene``."""
+    """Scanner in its true ``mounting`` on its true ``motion`` over a ``scene``, with its
+    ``errors``; ``reflectivity`` (T,) of the scene's triangles where the range noise needs it."""
 
     caster: Raycaster
     scene: Scene
@@ -50,6 +58,8 @@ class Recorder:
     scanner: Scanner
     mounting: Mounting
     noisy: bool
+    errors: ScannerErrors = field(default_factory=ScannerErrors)
+    reflectivity: np.ndarray | None = None
 
     def record(
         self, line: FlightLine, thinning: int, rng: np.random.Generator
@@ -60,26 +70,41 @@ class Recorder:
         count = len(pulses)
         silent = PulseNoise(np.zeros(count), np.zeros(count), np.zeros(count), np.ones(count))
         noise = draw_pulse_noise(count, self.scanner, rng) if self.noisy else silent
-        distance, triangle = self._measure(pulses, noise.elevation)
+        distance, triangle, growth = self._measure(pulses, noise.elevation)
         distance *= noise.dust
         with np.errstate(invalid="ignore"):
             kept = (distance >= MIN_RANGE) & (distance <= MAX_RANGE)
         face, kind = self._identify(triangle, noise.dust < 1)
-        rho = distance - self.mounting.offsets(self.scanner.n_rings)[pulses.ring] + noise.range
-        azimuth = pulses.azimuth + noise.azimuth
-        strip = Strip(line.name, *(c[kept] for c in (pulses.time, pulses.ring, azimuth, rho)))
+        distance *= 1.0 + self.errors.range_scale
+        offset = self.mounting.offsets(self.scanner.n_rings)[pulses.ring]
+        rho = distance - offset + noise.range * growth
+        azimuth, time = pulses.azimuth + noise.azimuth, pulses.time + self.errors.clock_delay
+        strip = Strip(line.name, *(c[kept] for c in (time, pulses.ring, azimuth, rho)))
         return strip, face[kept], kind[kept]
 
-    def _measure(self, pulses: Pulses, elevation_noise) -> tuple[np.ndarray, np.ndarray]:
-        """True distance (N,) m and triangle (N,) of every pulse, in batches."""
-        distance, triangle = np.empty(len(pulses)), np.empty(len(pulses), dtype=np.int32)
-        for start in range(0, len(pulses), BATCH):
+    def _measure(self, pulses: Pulses, elevation_noise):
+        """True distance (N,) m and triangle (N,) of every pulse, and the growth (N,) of its range
+        noise, in batches."""
+        count = len(pulses)
+        distance, triangle = np.empty(count), np.empty(count, dtype=np.int32)
+        growth, errors = np.ones(count), self.errors
+        for start in range(0, count, BATCH):
             part = slice(start, start + BATCH)
-            pose = self.motion.at(pulses.time[part])
-            elevation = self.scanner.beam_elevations[pulses.ring[part]] + elevation_noise[part]
-            origin, direction = aim(pose, pulses.azimuth[part], elevation, self.mounting)
+            pose, ring = self.motion.at(pulses.time[part]), pulses.ring[part]
+            elevation = self.scanner.beam_elevations[ring] + elevation_noise[part]
+            elevation += errors.elevation_offsets[ring]
+            azimuth = pulses.azimuth[part] + errors.azimuth_offsets[ring]
+            origin, direction = aim(pose, azimuth, elevation, self.mounting)
             distance[part], triangle[part] = self.caster.cast(origin, direction)
-        return distance, triangle
+            if errors.noise_growth:
+                growth[part] = self._growth(direction, distance[part], triangle[part])
+        return distance, triangle, growth
+
+    def _growth(self, direction, distance, triangle) -> np.ndarray:
+        """Of the range noise; meaningless where nothing is met."""
+        cosine = np.abs(np.einsum("ij,ij->i", self.scene.planes[triangle, :3], direction))
+        reflectivity, power = self.reflectivity[triangle], self.errors.noise_growth
+        return range_noise_factor(reflectivity, cosine, distance, power)
 
     def _identify(self, triangle: np.ndarray, dust: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         face, kind = self.scene.triangle_face[triangle], self.scene.triangle_class[triangle]

@@ -23,6 +23,9 @@ class ObjectClass(IntEnum):
     FENCE = 8
     WIRE = 9
     DUST = 10
+    CAR = 11
+    CONTAINER = 12
+    HEAP = 13
 
 
 @dataclass(frozen=True)

@@ -1,38 +1,128 @@
-"""Files that appear all together, or not at all."""
+"""Files that appear whole or not at all: one alone, or those of a folder together.
+
+A process that is killed leaves a draft; whoever writes there next clears it away.
+"""
 
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from filelock import FileLock, Timeout
+
 from paperrepro.errors import BadInput
+
+_DRAFT, _LOCK = ".unfinished-", ".unfinished.lock"
+_NEW, _OLD = "new", "old"
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A name to write to; that file replaces ``path`` once the block ends without an error."""
+    part = Path(path).with_name(f"{Path(path).name}.part")
+    try:
+        yield part
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """The file, UTF-8, whole or not at all."""
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8", newline="\n")
 
 
 @contextmanager
 def written_whole(folder: Path) -> Iterator[Path]:
-    """A folder to write into; its files move to ``folder`` once the block ends without an error.
+    """A folder to write into; its files, in folders too, replace those of ``folder`` once the block
+    ends without an error: all of them, or none.
 
     ``folder`` is made; after an error nothing of the block is left, nor the folder if it is new.
-    Raises `BadInput` where it cannot be written.
+    Raises `BadInput` where it cannot be written, or another process is writing there.
     """
     folder = Path(folder)
     made = next((p for p in [*reversed(folder.parents), folder] if not p.exists()), None)
+    with _alone(folder, made):
+        draft = Path(tempfile.mkdtemp(prefix=_DRAFT, dir=folder))
+        try:
+            (draft / _NEW).mkdir()
+            yield draft / _NEW
+            _replace_all(draft, folder)
+        finally:
+            shutil.rmtree(draft, ignore_errors=True)
+
+
+def require_folder(folder: Path) -> None:
+    """Make ``folder``. Raises `BadInput` where that, or a file in it, cannot be made."""
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise _unwritable(folder, error) from error
+
+
+@contextmanager
+def _alone(folder: Path, made: Path | None) -> Iterator[None]:
+    """``folder`` for this process, without what others left that were killed."""
+    lock = FileLock(folder / _LOCK)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        draft = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=folder))
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise BadInput(
+            f"{folder}: another command is writing here; wait for it, or name another folder"
+        ) from None
     except OSError as error:
-        raise BadInput(f"{folder}: cannot be written ({error.strerror}); name another") from error
-    try:
-        yield draft
-        for path in sorted(draft.iterdir()):
-            os.replace(path, folder / path.name)
-    except BaseException:
-        shutil.rmtree(draft, ignore_errors=True)
         _remove_empty(folder, made)
-        raise
-    shutil.rmtree(draft)
+        raise _unwritable(folder, error) from error
+    try:
+        for draft in folder.glob(f"{_DRAFT}*"):
+            if (draft / _OLD).exists():  # all was written, and part of it in place already
+                _replace_all(draft, folder)
+            shutil.rmtree(draft, ignore_errors=True)
+        yield
+    finally:
+        with suppress(OSError):
+            (folder / _LOCK).unlink(missing_ok=True)
+        lock.release()
+        _remove_empty(folder, made)
+
+
+def _replace_all(draft: Path, folder: Path) -> None:
+    """Move the new files of ``draft`` into ``folder``, the old ones into the draft; where one of
+    them cannot be moved, all are as before."""
+    new, old, done = draft / _NEW, draft / _OLD, []
+    old.mkdir(exist_ok=True)
+    try:
+        for path in sorted(path for path in new.rglob("*") if path.is_file()):
+            target, kept = folder / path.relative_to(new), old / path.relative_to(new)
+            for place in (target, kept):
+                place.parent.mkdir(parents=True, exist_ok=True)
+            if target.is_dir():
+                raise IsADirectoryError(None, "a folder has this name")
+            if os.path.lexists(target):
+                os.replace(target, kept)
+            done.append((target, kept))
+            os.replace(path, target)
+    except OSError as error:
+        for target, kept in reversed(done):
+            if os.path.lexists(kept):
+                os.replace(kept, target)
+            else:
+                target.unlink(missing_ok=True)
+        raise BadInput(
+            f"{target}: cannot be replaced ({error.strerror}), so nothing was written; free it or "
+            "name another folder"
+        ) from error
+
+
+def _unwritable(folder: Path, error: OSError) -> BadInput:
+    return BadInput(f"{folder}: cannot be written ({error.strerror}); name another folder")
 
 
 def _remove_empty(folder: Path, made: Path | None) -> None:
@@ -44,3 +134,29 @@ def _remove_empty(folder: Path, made: Path | None) -> None:
             return
         if path == made:
             return
+
+
+def private_folder(folder: Path, entries: str = "**/*") -> bool:
+    """Whether ``folder``, made if it is not there, is the user's own, and nobody else's business.
+
+    Pickles are run when they are read, so a folder that others could write into is not read: where
+    it is ours, the files like ``entries`` in it are removed and it is closed to others.
+    """
+    folder = Path(folder)
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        state = folder.lstat()
+        if not stat.S_ISDIR(state.st_mode) or not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
+            return False
+        if os.name == "nt":
+            return True
+        if state.st_uid != os.geteuid():
+            return False
+        if state.st_mode & 0o077:
+            for path in folder.glob(entries):
+                if path.is_file():
+                    path.unlink()
+            folder.chmod(0o700)
+    except (OSError, RuntimeError):
+        return False
+    return True

@@ -44,7 +44,7 @@ def require_lengths(lengths: dict[str, int], what: str) -> None:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trajectory:
     """Poses in the m-frame: ``time`` (M,) s increasing, ``position`` (M, 3) m,
     ``attitude`` (M, 3) rad roll, pitch, heading (heading may wrap)."""
@@ -52,6 +52,9 @@ class Trajectory:
     time: np.ndarray
     position: np.ndarray
     attitude: np.ndarray
+
+    def __repr__(self) -> str:
+        return f"Trajectory({len(self.time)} poses, {self.time[0]:.3f}-{self.time[-1]:.3f} s)"
 
     def __post_init__(self):
         require_finite(self.time, "trajectory time")
@@ -193,7 +196,7 @@ class Mounting:
         return replace(self, boresight=np.asarray(boresight, float), range_offsets=range_offsets)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Strip:
     """One flight line as measured: ``time`` (N,) s, ``ring`` (N,) uint8, ``azimuth`` (N,) rad,
     ``rho`` (N,) m measured range. A ring indexes `Scanner.beam_elevations`. Azimuth and range may
@@ -206,6 +209,9 @@ class Strip:
     azimuth: np.ndarray
     rho: np.ndarray
     pose: np.ndarray | None = None
+
+    def __repr__(self) -> str:
+        return f"Strip({self.name}, {len(self)} points)"
 
     def __len__(self) -> int:
         return len(self.time)
@@ -230,7 +236,7 @@ class Strip:
         return self
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Rays:
     """Laser points with their poses, ready for Eq. (1): ``pose`` (N, 6) m and rad, ``ring`` (N,),
     ``azimuth`` (N,) rad, ``elevation`` (N,) rad, ``rho`` (N,) m measured range; ``time`` (N,) s, or
@@ -242,6 +248,9 @@ class Rays:
     elevation: np.ndarray
     rho: np.ndarray
     time: np.ndarray | None = None
+
+    def __repr__(self) -> str:
+        return f"Rays({len(self)})"
 
     def __len__(self) -> int:
         return len(self.rho)
@@ -263,7 +272,7 @@ class Rays:
         return Rays(*(np.concatenate(column) for column in columns), time)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Survey:
     """A flight as its operator has it. ``reference`` is an independent cloud (K, 3) m, m-frame,
     or None."""
@@ -276,8 +285,20 @@ class Survey:
     reference: np.ndarray | None = None
 
     def strip(self, name: str) -> Strip:
-        """The strip of that name."""
-        return next(strip for strip in self.strips if strip.name == name)
+        """The strip of that name. Raises `BadInput`."""
+        found = {strip.name: strip for strip in self.strips}
+        if name not in found:
+            raise BadInput(f"strip {name!r}: expected one of {', '.join(found)}; name one of them")
+        return found[name]
+
+    def __repr__(self) -> str:
+        span = self.trajectory.time[-1] - self.trajectory.time[0]
+        boresight = ", ".join(f"{angle:.3f}" for angle in np.degrees(self.mounting.boresight))
+        return (
+            f"Survey({len(self.strips)} strips {', '.join(strip.name for strip in self.strips)}, "
+            f"{sum(map(len, self.strips))} points, trajectory of {span:.0f} s, "
+            f"{self.scanner.name}, {self.navigation.name}, boresight ({boresight})°)"
+        )
 
     def rays(self, strip: Strip, index=slice(None)) -> Rays:
         """`Rays` of a strip, or of the chosen points of it.

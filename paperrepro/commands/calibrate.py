@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
         own = calibrate_flight(flight, options.scenario, options.planes, steps)
         steps("report")
         calibration_file.write(own, draft / calibration_file.NAME, notes=list(flight.notes))
-        text = pages.page(own, _pictures(own), _files(options), flight.notes)
+        text = pages.calibration_page(own, _pictures(own), _files(options), flight.notes)
         (draft / pages.NAME).write_text(text, encoding="utf-8", newline="\n")
         if options.write_strips:
             steps("adjusted strips")

@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
     from data_synth import make_config
     from paperrepro.figures import pages
     from paperrepro.paper.reproduce import reproduce
-    from paperrepro.study.rows import Run
+    from paperrepro.study.rows import SurveyKey
 
     parameters = {
         "preset": options.preset, "profile": options.profile,
@@ -43,6 +43,6 @@ def run(options: argparse.Namespace) -> int:
     seconds = reproduce(options.out, parameters, only, options.jobs)
     for name, spent in seconds.items():
         print(f"{name:32s} {spent:7.1f} s")
-    pages.write(options.out, Run(**parameters))
+    pages.write(options.out, SurveyKey(**parameters))
     print(f"{options.out}: done in {time.perf_counter() - start:.0f} s")
     return 0

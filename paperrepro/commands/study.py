@@ -73,7 +73,7 @@ def _runs(options: argparse.Namespace) -> dict:
     """Surveys and how deep each is measured: all of it for the first seeds; of the further ones,
     of the first preset alone, boresight and sigma. At the specified noise scenario D is also told
     a specification wrong by two."""
-    from paperrepro.study.rows import Run
+    from paperrepro.study.rows import SurveyKey
     from paperrepro.study.simulated import ANGLES_ONLY, Depth
 
     runs = {}
@@ -85,5 +85,5 @@ def _runs(options: argparse.Namespace) -> dict:
                 if first and noise_scale == 1 and options.coverage_seeds:
                     depth = replace(depth, mistaken=MISTAKEN)
                 if first or seed <= options.seeds:
-                    runs[Run(preset, options.profile, noise_scale, seed)] = depth
+                    runs[SurveyKey(preset, options.profile, noise_scale, seed)] = depth
     return runs

@@ -4,13 +4,15 @@ Plot functions in the modules of this package take data and an `Axes` (a `Figure
 several panels) and return it. Nothing else in `paperrepro` draws.
 """
 
-import os
+from contextlib import ExitStack
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+
+from paperrepro._files import require_folder, whole_file
 
 STYLE = Path(__file__).with_name("paperrepro.mplstyle")
 MM = 1 / 25.4
@@ -76,24 +78,31 @@ def save(
 ) -> list[Path]:
     """Write ``name`` as PNG and SVG, and ``data``, the plotted values, as CSV.
 
-    All files are written beside their places first, then moved there. An empty ``folder`` writes
-    nothing. The same figure gives the same bytes.
+    Parameters
+    ----------
+    figure : matplotlib Figure
+    folder : path
+        Made if it is not there; an empty one writes nothing.
+    name : str
+        Of the files, without their endings.
+    data : DataFrame, optional
+        What is plotted.
+
+    Returns
+    -------
+    list of Path
+        The files, which appear all together or not at all; the same figure gives the same bytes.
     """
     if not str(folder):
         return []
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / f"{name}.{kind}" for kind in ("png", "svg", "csv")[: 2 + (data is not None)]]
-    parts = [path.with_name(f"{path.name}.part") for path in paths]
-    try:
+    with ExitStack() as stack:
+        kinds = ("png", "svg", "csv")[: 2 + (data is not None)]
+        paths = [Path(folder) / f"{name}.{kind}" for kind in kinds]
+        require_folder(Path(folder))
+        parts = [stack.enter_context(whole_file(path)) for path in paths]
         with plt.rc_context({"svg.hashsalt": "paperrepro"}):
             figure.savefig(parts[0], format="png", dpi=200)
             figure.savefig(parts[1], format="svg", dpi=200, metadata={"Date": None})
         if data is not None:
             data.to_csv(parts[2], index=False, float_format="%.10g")
-        for part, path in zip(parts, paths, strict=True):
-            os.replace(part, path)
-    finally:
-        for part in parts:
-            part.unlink(missing_ok=True)
     return paths

@@ -5,8 +5,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from paperrepro.figures import SCENARIO_COLOURS, scenario_name
-
-ANGLE_NAMES = {"omega": "Δω (roll)", "phi": "Δφ (pitch)", "kappa": "Δκ (yaw)"}
+from paperrepro.paper.numbers import ANGLE_NAMES
 
 
 def angle_errors(ax: Axes, table: pd.DataFrame) -> Axes:
@@ -54,8 +53,7 @@ def range_offsets(ax: Axes, table: pd.DataFrame, column: str) -> Axes:
         else:
             ring = rows.ring + 0.25 * (k - 0.5 * len(sets))
             ax.errorbar(ring, value, 200 * rows.sigma_m, fmt="o", ms=3, color=colour,
-                        elinewidth=0.8,
-                        label=f"{scenario_name(name)} ± 2σ")  # fmt: skip
+                        elinewidth=0.8, label=f"{scenario_name(name)} ± 2σ")  # fmt: skip
     ax.axhline(0.0, color="#4d4d4d", lw=0.5)
     ax.set_xlabel("ring")
     ax.set_xticks(range(0, 16, 3))

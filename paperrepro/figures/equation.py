@@ -1,11 +1,7 @@
-"""The LiDAR equation: what angles do to a point, and what a wrong boresight does to a roof.
-
-Fig. 3: the steps of the method.
-"""
+"""Fig. 3, the steps of the method; what angles do to a point, and a wrong boresight to a roof."""
 
 from collections.abc import Sequence
 
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -85,12 +81,6 @@ def thick_roof(figure: Figure, axes: dict, table: pd.DataFrame, names: dict[str,
     axes["c"].margins(y=0.2)
     axes["c"].legend()
     return figure
-
-
-def ring_spread(distance_m: np.ndarray, ring: np.ndarray) -> float:
-    """Largest minus least of the rings' mean distances, m."""
-    mean = pd.Series(distance_m).groupby(np.asarray(ring)).mean()
-    return float(mean.max() - mean.min())
 
 
 def steps(ax: Axes, names: Sequence[str], notes: Sequence[str], again: tuple[int, int]) -> Axes:

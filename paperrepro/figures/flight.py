@@ -9,9 +9,11 @@ from matplotlib.axes import Axes
 
 from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS, STYLE, canvas, thinned
 from paperrepro.figures.calibration import correlation_matrix
-from paperrepro.figures.pages import Picture, plane_middles
-from paperrepro.method.accuracy import PairDistances, rms
+from paperrepro.figures.pages import Picture
+from paperrepro.flight.calibrate import OwnFlight
+from paperrepro.method.accuracy import PairDistances, nmad, rmse
 from paperrepro.method.georeference import georeference
+from paperrepro.paper.numbers import SYMBOLS, number
 
 CM = 100.0
 
@@ -51,8 +53,8 @@ def flight_map(
 def pair_changes(ax: Axes, distances: Sequence[PairDistances]) -> Axes:
     """RMS distance of every pair of strips, before and after, on a logarithmic axis."""
     y = np.arange(len(distances))[::-1]
-    before = [CM * rms(pair.before) for pair in distances]
-    after = [CM * rms(pair.after) for pair in distances]
+    before = [CM * rmse(pair.before) for pair in distances]
+    after = [CM * rmse(pair.after) for pair in distances]
     ax.hlines(y, after, before, color="#bfbfbf", lw=1.2, zorder=1)
     ax.plot(before, y, "o", color=SCENARIO_COLOURS["before"], label="before")
     ax.plot(after, y, "D", ms=4.5, color=SCENARIO_COLOURS["D"], label="after")
@@ -70,17 +72,16 @@ def pair_changes(ax: Axes, distances: Sequence[PairDistances]) -> Axes:
 def distance_histogram(ax: Axes, distances: np.ndarray, colour: str, words: str) -> Axes:
     """Signed distances (N,) m within their 99 % span, with median and robust spread in words."""
     limit = np.quantile(np.abs(distances), 0.99)
-    median = np.median(distances)
-    spread = 1.4826 * np.median(np.abs(distances - median))
     ax.hist(CM * distances, np.linspace(-CM * limit, CM * limit, 61), color=colour, alpha=0.75)
     ax.axvline(0.0, color="#4d4d4d", lw=0.6)
-    ax.set_title(f"{words}\nmedian {CM * median:.1f} cm, robust σ {CM * spread:.1f} cm")
+    ax.set_title(f"{words}\nmedian {number(CM * np.median(distances), 1)} cm, "
+                 f"robust σ {number(CM * nmad(distances), 1)} cm")  # fmt: skip
     ax.set_xlabel("distance between strips (cm)")
     ax.set_ylabel("points")
     return ax
 
 
-def facing(ax: Axes, normals: np.ndarray) -> Axes:
+def plane_directions(ax: Axes, normals: np.ndarray) -> Axes:
     """Which way planes (G, 3) face: direction from north clockwise, slope outwards, polar axes."""
     azimuth = np.arctan2(normals[:, 0], normals[:, 1])
     slope = np.degrees(np.arccos(np.clip(normals[:, 2], -1, 1)))
@@ -94,11 +95,11 @@ def facing(ax: Axes, normals: np.ndarray) -> Axes:
     return ax
 
 
-def pictures(own) -> dict[str, Picture]:
+def pictures(own: OwnFlight) -> dict[str, Picture]:
     """All pictures of the report on an `OwnFlight`, by the names its template asks for."""
     with plt.style.context(STYLE):
         drawn = {
-            "map": _map(own), "facing": _facing(own), "correlation": _correlation(own)
+            "map": _map(own), "directions": _directions(own), "correlation": _correlation(own)
         }  # fmt: skip
         if own.distances:
             drawn |= {"pairs": _pairs(own), "histogram": _histogram(own)}
@@ -109,12 +110,12 @@ def _picture(figure, title: str, alt: str, caption: str) -> Picture:
     text = io.BytesIO()
     with plt.rc_context({"svg.hashsalt": "paperrepro"}):
         figure.savefig(text, format="svg", dpi=200, metadata={"Date": None})
-    width, height = 1.25 * 96 * figure.get_size_inches()
+    size = 1.25 * 96 * figure.get_size_inches()
     plt.close(figure)
-    return Picture(text.getvalue(), width, height, title, alt, caption)
+    return Picture.of(text.getvalue(), size, title=title, alt=alt, caption=caption)
 
 
-def _map(own) -> Picture:
+def _map(own: OwnFlight) -> Picture:
     survey, mounting = own.survey, own.result.calibrated
     points, paths = {}, {}
     for strip in survey.strips:
@@ -122,21 +123,21 @@ def _map(own) -> Picture:
         rays = survey.rays(strip, few)
         points[strip.name] = georeference(rays, mounting)
         paths[strip.name] = rays.pose[np.argsort(rays.time, kind="stable"), :3]
-    planes = plane_middles(own)
+    planes = own.tie_planes.plane_states(mounting).centroid
     figure, ax = canvas("double", 105)
     flight_map(ax, points, paths, planes)
     words = f"{len(points)} strips, their trajectory and {len(planes)} planes seen from above"
     return _picture(figure, "Map", f"Map: {words}.", f"{words}; arrows point in flight direction.")
 
 
-def _pairs(own) -> Picture:
+def _pairs(own: OwnFlight) -> Picture:
     figure, ax = canvas("double", 28 + 5.2 * len(own.distances))
     pair_changes(ax, own.distances)
     words = "RMS distance of each pair of strips before and after calibration"
     return _picture(figure, "Pairs", f"{words}; the values are in the table below.", f"{words}.")
 
 
-def _histogram(own) -> Picture:
+def _histogram(own: OwnFlight) -> Picture:
     figure, axes = canvas("double", 62, ncols=2)
     for ax, when, colour in zip(axes, ("before", "after"), ("before", "D"), strict=True):
         values = np.concatenate([getattr(pair, when) for pair in own.distances])
@@ -146,27 +147,28 @@ def _histogram(own) -> Picture:
     return _picture(figure, "Histograms", f"{words}.", caption)
 
 
-def _correlation(own) -> Picture:
+def _correlation(own: OwnFlight) -> Picture:
     size = len(own.result.covariance)
-    labels = ["Δω", "Δφ", "Δκ", *(f"Δρ {k}" for k in range(size - 3))]
+    labels = [*SYMBOLS.values(), *(f"Δρ {k}" for k in range(size - 3))]
     figure, ax = canvas("single", 72)
     correlation_matrix(ax, own.result.correlation, labels)
-    largest = strongest(own.result.correlation[:3, :3], labels[:3])
+    largest = _strongest(own.result.correlation[:3, :3], labels[:3])
     words = f"Correlations between the {size} unknowns"
     after = f"{words}: angles, then range offsets. {largest}" if size > 3 else f"{words}. {largest}"
     return _picture(figure, "Correlations", f"{words}. {largest}", after)
 
 
-def strongest(correlation: np.ndarray, labels: Sequence[str]) -> str:
+def _strongest(correlation: np.ndarray, labels: Sequence[str]) -> str:
     """A sentence on the strongest correlation between two of ``labels``."""
     off = np.abs(np.triu(correlation, 1))
     i, j = np.unravel_index(off.argmax(), off.shape)
-    return f"The strongest between angles: {labels[i]} and {labels[j]}, {correlation[i, j]:+.2f}."
+    value = number(correlation[i, j], 2, signed=True)
+    return f"The strongest between angles: {labels[i]} and {labels[j]}, {value}."
 
 
-def _facing(own) -> Picture:
+def _directions(own: OwnFlight) -> Picture:
     figure, ax = canvas("single", 70, subplot_kw={"projection": "polar"})
-    facing(ax, own.result.planes[:, :3])
+    plane_directions(ax, own.result.planes[:, :3])
     words = "Slope and direction that the planes face"
     caption = (
         f"{words}. Planes that face many ways, steeply, separate the three angles; level ground "

@@ -1,7 +1,5 @@
-"""Fig. 5, 6 and 9: points projected on target planes, roof profiles under several mountings.
-
-A roof profile that moves with the boresight: still in a picture, moving under sliders.
-"""
+"""Fig. 5, 6 and 9: points projected on target planes, roof profiles under several mountings, and a
+profile that moves with the boresight: still in a picture, moving under sliders."""
 
 from dataclasses import dataclass
 from io import BytesIO
@@ -14,8 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS, canvas, scenario_name, thinned
-from paperrepro.figures.calibration import ANGLE_NAMES
+from paperrepro.method.accuracy import rmse
 from paperrepro.method.georeference import georeference
+from paperrepro.paper.numbers import ANGLE_NAMES, SYMBOLS
 from paperrepro.survey import Mounting, Rays
 
 TARGET, POINT, FOOT = "#0072b2", "#d55e00", "#000000"
@@ -133,13 +132,8 @@ def angle_changes(ax: Axes, table: pd.DataFrame) -> Axes:
     ax.set_ylabel("estimate − truth (°)")
     handles, labels = ax.get_legend_handles_labels()
     handles.append(Line2D([], [], ls="", marker="o", mfc="white", mec="#4d4d4d"))
-    ax.figure.legend(
-        handles,
-        [*labels, "before refinement"],
-        loc="outside lower center",
-        ncols=5,
-        columnspacing=1,
-    )
+    labels.append("before refinement")
+    ax.figure.legend(handles, labels, loc="outside lower center", ncols=5, columnspacing=1)
     return ax
 
 
@@ -170,15 +164,15 @@ class MovingProfile:
     def rmse(self, boresight_deg) -> float:
         """Of all points' distances from their planes, m."""
         distance = np.einsum("na,na->n", self.points(boresight_deg), self.planes[:, :3])
-        return float(np.sqrt(np.mean((distance - self.planes[:, 3]) ** 2)))
+        return rmse(distance - self.planes[:, 3])
 
     def draw(self, ax: Axes, boresight_deg, legend: bool = False) -> Axes:
         """The section by strip; angles and RMSE in the title."""
         clouds = {"moved": self.points(boresight_deg)}
         by_strip(ax, self.section.table(clouds, self.strips, self.half_m), legend=legend)
         reference_line(ax, self.line)
-        words = [f"{name.split()[0]} {a:.2f}°" for name, a in zip(ANGLE_NAMES.values(),
-                 boresight_deg, strict=True)]  # fmt: skip
+        angles = zip(SYMBOLS.values(), boresight_deg, strict=True)
+        words = [f"{symbol} {angle:.2f}°" for symbol, angle in angles]
         ax.set_title(f"{', '.join(words)}\nRMSE {100 * self.rmse(boresight_deg):.1f} cm")
         reach, up_m = 1.3 * np.abs(self.line[:, 0]).max(), self.line[:, 1]
         ax.set(xlabel="across the ridge (m)", ylabel="up (m)", xlim=(-reach, reach))

@@ -1,7 +1,4 @@
-"""Roofs found in one strip: filtering, faces, virtual points.
-
-Virtual points and matches (Fig. 4).
-"""
+"""Roofs found in one strip, virtual points (Fig. 4) and matches."""
 
 import numpy as np
 import pandas as pd
@@ -14,9 +11,8 @@ from matplotlib.lines import Line2D
 from paperrepro.figures import GROUND, SCENARIO_COLOURS, thinned
 from paperrepro.method.roofs import Gable, Roofs
 
-#: Steps that a point can fall out at, in the order of drawing: colour, size
-#: and words.
-FATES = {
+#: Filters that a point can fall out at, in the order of drawing: colour, size and words.
+STEPS = {
     "ground": (GROUND, 0.5, "ground"),
     "candidate": ("#0072b2", 1.2, "candidate for a roof"),
     "outlier": ("#e6007e", 12.0, "outlier"),
@@ -30,10 +26,13 @@ FACE_TONES = (
 )
 
 
-def fates(ax: Axes, x: np.ndarray, y: np.ndarray, fate: np.ndarray, size: float = 1.0) -> Axes:
-    """Points in plan or section, coloured by what becomes of them; ``fate`` (N,) of `FATES`."""
-    for name, (colour, area, _) in FATES.items():
-        here = thinned(np.flatnonzero(fate == name), 40_000)
+def kept_and_lost(
+    ax: Axes, x: np.ndarray, y: np.ndarray, step: np.ndarray, size: float = 1.0
+) -> Axes:
+    """Points in plan or section, coloured by the filter that they fall out at; ``step`` (N,) of
+    `STEPS`."""
+    for name, (colour, area, _) in STEPS.items():
+        here = thinned(np.flatnonzero(step == name), 40_000)
         rare = name == "outlier"  # large while they are few
         scale = max(0.3, min(1.0, 100 / max(len(here), 1))) if rare else size
         ax.scatter(x[here], y[here], s=scale * area, color=colour, lw=0, rasterized=True,
@@ -42,11 +41,11 @@ def fates(ax: Axes, x: np.ndarray, y: np.ndarray, fate: np.ndarray, size: float 
     return ax
 
 
-def fate_legend(figure: Figure) -> None:
-    """Legend of `fates`, below the figure."""
+def step_legend(figure: Figure) -> None:
+    """Legend of `kept_and_lost`, below the figure."""
     handles = [
         Line2D([], [], ls="", marker="o", color=colour, label=words)
-        for colour, _, words in FATES.values()
+        for colour, _, words in STEPS.values()
     ]
     figure.legend(handles=handles, ncols=len(handles), loc="outside lower center")
 
@@ -72,20 +71,11 @@ def face_legend(ax: Axes) -> None:
     """Legend of `faces`."""
     handles = [
         Line2D([], [], ls="", marker="o", ms=3, color="#c8c8c8", label="candidate"),
-        Line2D(
-            [],
-            [],
-            ls="",
-            marker="o",
-            ms=3,
-            mfc="white",
-            mec="black",
-            mew=0.6,
-            label="centroid of a face",
-        ),
+        Line2D([], [], ls="", marker="o", ms=3, mfc="white", mec="black", mew=0.6,
+               label="centroid of a face"),
         Line2D([], [], color="black", lw=0.8, label="ridge"),
         Line2D([], [], ls="", marker="*", color="black", ms=7, label="virtual point"),
-    ]
+    ]  # fmt: skip
     ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
 
 

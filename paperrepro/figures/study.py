@@ -1,11 +1,7 @@
-"""Curves against the noise of the trajectory, over the surveys of a sweep.
+"""What many surveys say: errors against noise and against their sigmas, verdicts counted; and the
+time of each stage against the number of points."""
 
-What many surveys say: errors with their intervals, errors against sigmas, verdicts.
-
-Time of each stage against the number of points.
-"""
-
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
@@ -14,88 +10,22 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS, canvas, scenario_name
-from paperrepro.frames import ANGLES
-from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES
-from paperrepro.study.rows import COLUMNS
-from paperrepro.study.simulated import ARTEFACT
-from paperrepro.study.statistics import CONFIDENCE, TWO_SIDED, Interval, binomial, bootstrap
-
-#: What the surveys that are averaged have in common beside the noise; and what a sweep varies more.
-SETTING = ["preset", "profile"]
-TRUTH = "truth"
-_OFFSETS = {"offset_reference": "offset_mean_reference", "offset_truth": "offset_mean_truth"}
-_MEASURED = ["error_deg", "sigma_deg", "held", *_OFFSETS, "beats_sl"]
-
-
-def survey_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """One line for each survey and scenario: setting, noise_scale, seed, scenario;
-
-    error_deg and sigma_deg, the boresight error and its formal sigma over all three angles; held,
-    the share of the angles whose 95 % interval holds the truth; offset_reference and offset_truth,
-    the mean absolute vertical offset at the virtual points (m); beats_sl, 1 where the error is
-    smaller than that of SL, [11], in the same survey, else 0.
-    """
-    rows = rows[(rows.artefact == ARTEFACT) & rows.scenario.isin((*SCENARIO_NAMES, TRUTH))]
-    setting = SETTING + [name for name in rows if name not in COLUMNS]
-    parts = [
-        _of_setting(part).assign(**dict(zip(setting, key, strict=True)))
-        for key, part in rows.groupby(setting)
-    ]
-    names = [*setting, "noise_scale", "seed", "scenario", *_MEASURED]
-    return pd.concat(parts, ignore_index=True)[names] if parts else pd.DataFrame(columns=names)
-
-
-def _of_setting(rows: pd.DataFrame) -> pd.DataFrame:
-    keys = ["noise_scale", "seed", "scenario"]
-    values = rows.pivot_table(index=keys, columns="metric", values="value")
-    errors = error_table(rows, SCENARIO_NAMES).set_index(keys)[["error_deg", "sigma_deg"]]
-    table = errors.reindex(values.index)
-    for name, metric in _OFFSETS.items():
-        table[name] = values.get(metric, np.nan)
-    angles = rows[rows.metric.isin([f"error_{angle}" for angle in ANGLES])].dropna(subset="sigma")
-    held = angles.assign(value=angles.value.abs() <= TWO_SIDED * angles.sigma)
-    table["held"] = held.groupby(keys).value.mean()
-    others = table.error_deg.unstack().reindex(columns=SCENARIO_NAMES)
-    of_sl = others.pop("SL")
-    beats = others.lt(of_sl, axis=0).where(others.notna().mul(of_sl.notna(), axis=0))
-    table["beats_sl"] = beats.stack().astype(float)
-    return table.reset_index()
-
-
-def curve_table(
-    surveys: pd.DataFrame, columns: dict[str, Callable[[np.ndarray], Interval]]
-) -> pd.DataFrame:
-    """Over the seeds of each setting, noise and scenario: setting, noise_scale, scenario, quantity,
-    surveys, value, low, high. ``columns`` of a `survey_table` with what makes an interval of one,
-    `of_mean` or `of_share`."""
-    lines = []
-    names = [name for name in surveys if name not in _MEASURED and name != "seed"]
-    for key, part in surveys.groupby(names):
-        for column, interval in columns.items():
-            values = part[column].dropna().to_numpy()
-            if len(values):
-                span = interval(values)
-                lines.append([*key, column, len(values), span.value, span.low, span.high])
-    return pd.DataFrame(lines, columns=[*names, "quantity", "surveys", "value", "low", "high"])
-
-
-def of_mean(values: np.ndarray) -> Interval:
-    """Mean with its 95 % bootstrap interval over surveys; of one survey no interval is known."""
-    return bootstrap(values) if len(values) > 1 else Interval(float(values[0]), np.nan, np.nan)
-
-
-def of_share(values: np.ndarray) -> Interval:
-    """Mean share with the exact 95 % interval of as many whole surveys: the three angles of one
-    survey are one sample."""
-    span = binomial(round(values.sum()), len(values))
-    return Interval(float(values.mean()), span.low, span.high)
+from paperrepro.paper.verdicts import CONDITIONS, FAILS, HOLDS, UNTESTED
+from paperrepro.study.statistics import (
+    CONFIDENCE,
+    OFFSETS,
+    curve_table,
+    of_mean,
+    of_share,
+    survey_table,
+)
 
 
 def curves(ax: Axes, table: pd.DataFrame, quantity: str, factor: float = 1.0) -> Axes:
     """``quantity`` of a `curve_table` of one setting, times ``factor``: a line with bars for each
     scenario, a little apart from one another along the noise."""
     table = table[table.quantity == quantity]
-    names = [name for name in SCENARIO_COLOURS if (table.scenario == name).any()]
+    names = _drawn(table)
     apart = 0.012 * max(np.ptp(table.noise_scale), 0.5) if len(table) else 0.0
     for k, name in enumerate(names):
         rows = table[table.scenario == name].sort_values("noise_scale")
@@ -131,10 +61,10 @@ def errors(surveys: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
 
 def offsets(surveys: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     """Vertical offset at the virtual points against noise, against reference and true planes."""
-    table = curve_table(surveys, dict.fromkeys(_OFFSETS, of_mean))
-    figure, panels = _panels(table, len(_OFFSETS))
+    table = curve_table(surveys, dict.fromkeys(OFFSETS, of_mean))
+    figure, panels = _panels(table, len(OFFSETS))
     for axes, (name, part) in zip(panels, _by_setting(table), strict=False):
-        for ax, quantity in zip(axes, _OFFSETS, strict=True):
+        for ax, quantity in zip(axes, OFFSETS, strict=True):
             curves(ax, part, quantity, 100)
         axes[0].set_ylabel(f"{name}\noffset from the reference (cm)")
         axes[1].set_ylabel("offset from the true planes (cm)")
@@ -177,55 +107,33 @@ def _legend(figure: Figure, panels: np.ndarray) -> None:
     figure.legend(handles, labels, loc="outside upper center", ncols=max(len(labels), 1))
 
 
+def _drawn(table: pd.DataFrame) -> list[str]:
+    """Its scenarios, in the order of the colours."""
+    return [name for name in SCENARIO_COLOURS if (table.scenario == name).any()]
+
+
 def _by_setting(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
     names = list(table.columns[: table.columns.get_loc("noise_scale")])
     for key, part in table.groupby(names):
         yield ", ".join(map(str, key)), part
 
 
-#: Of the verdicts: holds, under conditions, does not hold, not testable here.
-VERDICT_COLOURS = ("#009e73", "#e69f00", "#d55e00", "#b3b3b3")
-
-
-def error_table(rows: pd.DataFrame, scenarios: tuple[str, ...]) -> pd.DataFrame:
-    """Size of the boresight error of every survey: preset, noise_scale, seed, scenario, error_deg
-    and, over the three angles, sigma_deg."""
-    chosen = (
-        (rows.artefact == ARTEFACT)
-        & rows.metric.isin([f"error_{angle}" for angle in ANGLES])
-        & rows.scenario.isin(scenarios)
-    )
-    squares = rows[chosen].assign(value=rows.value**2, sigma=rows.sigma**2)
-    keys = ["preset", "noise_scale", "seed", "scenario"]
-    size = np.sqrt(squares.groupby(keys)[["value", "sigma"]].sum(min_count=len(ANGLES)))
-    return size.rename(columns={"value": "error_deg", "sigma": "sigma_deg"}).reset_index()
-
-
-def mean_table(
-    table: pd.DataFrame, scenarios: tuple[str, ...], column: str = "error_deg"
-) -> pd.DataFrame:
-    """Mean of ``column`` over the seeds with its 95 % interval: preset, noise_scale, scenario,
-    surveys, mean, low, high; scenarios in their order."""
-    lines = []
-    for key, values in table.dropna(subset=column).groupby(["preset", "noise_scale", "scenario"]):
-        mean = bootstrap(values[column].to_numpy())
-        lines.append([*key, len(values), mean.value, mean.low, mean.high])
-    names = ["preset", "noise_scale", "scenario", "surveys", "mean", "low", "high"]
-    out = pd.DataFrame(lines, columns=names)
-    out["scenario"] = pd.Categorical(out.scenario, scenarios, ordered=True)
-    return out.sort_values(["preset", "noise_scale", "scenario"], ignore_index=True)
+VERDICT_COLOURS = {
+    HOLDS: "#009e73", CONDITIONS: "#e69f00", FAILS: "#d55e00", UNTESTED: "#b3b3b3",
+}  # fmt: skip
 
 
 def means(ax: Axes, table: pd.DataFrame, factor: float = 1.0) -> Axes:
-    """One preset of `mean_table`: a dot with its interval for each scenario at each noise scale."""
-    scenarios = [name for name in table.scenario.cat.categories if (table.scenario == name).any()]
+    """One quantity of one setting of a `curve_table`, times ``factor``: a dot with its interval for
+    each scenario at each noise scale."""
+    scenarios = _drawn(table)
     scales = sorted(table.noise_scale.unique())
     step = 0.7 / max(len(scenarios), 1)
     for k, name in enumerate(scenarios):
         rows = table[table.scenario == name]
         x = [scales.index(s) + (k - (len(scenarios) - 1) / 2) * step for s in rows.noise_scale]
-        reach = factor * np.array([rows["mean"] - rows.low, rows.high - rows["mean"]])
-        ax.errorbar(x, factor * rows["mean"], reach, fmt="o", color=SCENARIO_COLOURS[name],
+        reach = factor * np.array([rows.value - rows.low, rows.high - rows.value])
+        ax.errorbar(x, factor * rows.value, reach, fmt="o", color=SCENARIO_COLOURS[name],
                     elinewidth=1.4, label=scenario_name(name))  # fmt: skip
     ax.set_xticks(range(len(scales)), [f"× {scale:g}" for scale in scales])
     ax.set_xlim(-0.6, len(scales) - 0.4)
@@ -235,12 +143,12 @@ def means(ax: Axes, table: pd.DataFrame, factor: float = 1.0) -> Axes:
 
 
 def errors_against_sigmas(ax: Axes, table: pd.DataFrame) -> Axes:
-    """One point for each line of `error_table`; on the line an error is what its sigma says."""
+    """One point for each line of a `survey_table`; on the line an error is what its sigma says."""
     ends = np.array([[0.6, 1.6]]).T * table[["sigma_deg", "error_deg"]].agg(["min", "max"])
     x, y = ends.to_numpy().T
     line = np.array([max(x[0], y[0]), min(x[1], y[1])])
     ax.plot(line, line, color=SCENARIO_COLOURS["truth"], lw=0.8, label="error = σ")
-    for name in [name for name in SCENARIO_COLOURS if (table.scenario == name).any()]:
+    for name in _drawn(table):
         rows = table[table.scenario == name]
         ax.plot(rows.sigma_deg, rows.error_deg, "o", ms=3, mew=0, alpha=0.75,
                 color=SCENARIO_COLOURS[name], label=scenario_name(name))  # fmt: skip
@@ -252,7 +160,8 @@ def errors_against_sigmas(ax: Axes, table: pd.DataFrame) -> Axes:
 
 def verdict_counts(ax: Axes, counts: pd.Series) -> Axes:
     """A bar for each verdict, in their order, with its number of claims."""
-    bars = ax.barh(range(len(counts)), counts, color=VERDICT_COLOURS[: len(counts)], height=0.66)
+    colours = [VERDICT_COLOURS[verdict] for verdict in counts.index]
+    bars = ax.barh(range(len(counts)), counts, color=colours, height=0.66)
     ax.bar_label(bars, padding=3)
     ax.set_yticks(range(len(counts)), counts.index)
     ax.invert_yaxis()

@@ -1,7 +1,4 @@
-"""The site, the flight and the clouds, as plans, sections and time series.
-
-Fig. 10: what calibrated clouds are for, a forest inventory and models of buildings.
-"""
+"""The site, the flight and the clouds, as plans, sections, perspectives and time series."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -14,6 +11,7 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
 from paperrepro.figures import ACCENT, AXIS_COLOURS, GROUND, OBJECT, STRIP_COLOURS, thinned
+from paperrepro.method.accuracy import density_across
 from paperrepro.method.cells import inside
 
 #: What stands on the site, in the order of drawing: colour and words.
@@ -110,17 +108,13 @@ def trajectory_error(axes, table: pd.DataFrame, sigma: np.ndarray, spans: dict) 
         ax.set_xlabel("time of the mission (s)")
 
 
-def density_table(across_m: dict[str, np.ndarray], length_m: float, step_m=4.0) -> pd.DataFrame:
-    """Points per m² against the distance from the track: columns strip, across_m, density."""
-    edges = np.arange(-60.0, 60.1, step_m)
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    parts = [
-        pd.DataFrame({"strip": name, "across_m": middle, "density": np.histogram(across, edges)[0]})
-        for name, across in across_m.items()
-    ]
-    table = pd.concat(parts, ignore_index=True)
-    table["density"] /= step_m * length_m
-    return table
+def density_table(across_m: dict[str, np.ndarray], length_m: float) -> pd.DataFrame:
+    """`density_across` of each strip: columns strip, across_m, density."""
+    parts = []
+    for name, across in across_m.items():
+        middle, density = density_across(across, length_m)
+        parts.append(pd.DataFrame({"strip": name, "across_m": middle, "density": density}))
+    return pd.concat(parts, ignore_index=True)
 
 
 def density(ax: Axes, table: pd.DataFrame, height_m: float, crest: float) -> Axes:
@@ -209,15 +203,3 @@ def by_height(ax: Axes, table: pd.DataFrame, limits_m: tuple[float, float]) -> P
     ax.set_aspect("equal")
     ax.set_ylim(limits_m[0] - 1.5, limits_m[1] + 2.5)
     return dots
-
-
-def ground_spread(p_m: np.ndarray, cell_m: float = 1.0, least: int = 10) -> float:
-    """Median over level cells of the standard deviation, m, of heights of ground points (N, 3) m;
-    cells of fewer than ``least`` points do not count."""
-    east, north = (np.floor(x / cell_m).astype(np.int64) for x in p_m[:, :2].T)
-    number = (east - east.min()) * (np.ptp(north) + 1) + north - north.min()
-    count = np.maximum(np.bincount(number), 1)
-    height = p_m[:, 2] - (np.bincount(number, p_m[:, 2]) / count)[number]
-    many = count >= least
-    variance = np.bincount(number, np.square(height))[many] / (count[many] - 1)
-    return float(np.median(np.sqrt(variance)))

@@ -13,7 +13,6 @@ import numpy as np
 from paperrepro.errors import BadInput, NoConvergence, RankDefect, TooFewPlanes
 from paperrepro.flight.agreement import implausible, require_agreement
 from paperrepro.flight.read import Flight
-from paperrepro.frames import ANGLES, AXIS_WORDS
 from paperrepro.method.accuracy import PairDistances, overlaps, pair_distances
 from paperrepro.method.adjustment import trajectory_errors
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES, calibrate
@@ -21,8 +20,8 @@ from paperrepro.method.adjustment.conditions import Unknowns, face_states
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.screening import screen
 from paperrepro.method.coarse_to_fine import (
+    Candidates,
     Progress,
-    find_candidates,
     find_planes,
     find_roofs,
     sample_rays,
@@ -55,7 +54,7 @@ class OwnFlight:
         ``gables`` or ``any``.
     result : CalibrationResult
         Of the adjustment.
-    matched : TiePlanes
+    tie_planes : TiePlanes
         The tie planes that went into it.
     rejected : tuple of Rejection
         Gross errors of the last search and of the adjustment.
@@ -70,39 +69,19 @@ class OwnFlight:
     survey: Survey
     planes: str
     result: CalibrationResult
-    matched: TiePlanes
+    tie_planes: TiePlanes
     rejected: tuple[Rejection, ...]
     boresights: np.ndarray
     distances: tuple[PairDistances, ...]
     remarks: tuple[str, ...]
 
     def summary(self) -> str:
-        """Lines for a terminal: the angles with their sigma, the fit, what is weak."""
-        result = self.result
-        angles = [
-            f"  {name:5s} {np.degrees(value):+9.4f}° ± {np.degrees(sigma):.4f}°  ({axis})"
-            for name, value, sigma, axis in zip(
-                ANGLES, result.boresight, result.sigma, AXIS_WORDS, strict=True
-            )
-        ]
-        fit = (
-            f"  {result.n_planes} planes, {result.n_points} points, sigma0 {result.sigma0:.2f}, "
-            f"RMSE {100 * result.rmse_before:.1f} cm before, {100 * result.rmse_after:.1f} cm after"
-        )
-        lines = [f"scenario {result.scenario}", *angles, fit, f"  {result.observability}"]
-        return "\n".join([*self.remarks, *lines])
+        """Lines for a terminal: remarks, the angles with their sigma, the fit, what is weak."""
+        return "\n".join([*self.remarks, self.result.summary()])
 
     def __repr__(self) -> str:
-        angles = ", ".join(
-            f"{name} {np.degrees(value):+.4f} ± {np.degrees(sigma):.4f}°"
-            for name, value, sigma in zip(
-                AXIS_WORDS, self.result.boresight, self.result.sigma, strict=True
-            )
-        )
-        return (
-            f"OwnFlight: {angles}; {self.result.n_planes} planes, "
-            f"{len(self.survey.strips)} strips, {len(self.remarks)} remarks"
-        )
+        strips = ", ".join(strip.name for strip in self.survey.strips)
+        return f"OwnFlight({strips}; {self.result!r}; {len(self.remarks)} remarks)"
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(self.summary())}</pre>"
@@ -143,23 +122,23 @@ def calibrate_flight(
     _require_word("scenario", scenario, SCENARIO_NAMES)
     _require_word("planes", planes, PLANES)
     survey = flight.survey if isinstance(flight, Flight) else flight
-    samples = sample_rays(survey)
-    pairs = _require_overlap(survey, samples)
-    kind, found, remarks = _find(survey, planes, progress)
-    require_agreement(survey, found.matched, getattr(flight, "trajectory", "trajectory"))
-    progress(f"scenario {scenario}: {found.matched.n_planes} planes")
-    result, matched = _adjust(survey, found.matched, scenario, found.boresights[-1])
+    points = sample_rays(survey)
+    pairs = _require_overlap(survey, points.rays)
+    kind, found, remarks = _find(survey, points, planes, progress)
+    require_agreement(survey, found.tie_planes, getattr(flight, "trajectory", "trajectory"))
+    progress(f"scenario {scenario}: {found.tie_planes.n_planes} planes")
+    result, tie_planes = _adjust(survey, found.tie_planes, scenario, found.boresights[-1])
     if scenario == "D" and result.components is None:
         remarks.append(
-            f"Noise was taken as specified: {len(set(matched.strips))} strips do not show it, "
+            f"Noise was taken as specified: {len(set(tie_planes.strips))} strips do not show it, "
             f"{ENOUGH_STRIPS} would. Sigma holds as far as the specification does."
         )
     remarks += implausible(result)
     progress(f"distances of {len(pairs)} pairs of strips")
-    distances = pair_distances(samples, pairs, survey.mounting, result.calibrated)
+    distances = pair_distances(points.rays, pairs, survey.mounting, result.calibrated)
     rejected = (*found.rejected, *result.rejected)
     return OwnFlight(
-        survey, kind, result, matched, rejected, found.boresights, distances, tuple(remarks)
+        survey, kind, result, tie_planes, rejected, found.boresights, distances, tuple(remarks)
     )
 
 
@@ -184,12 +163,12 @@ def _require_overlap(survey: Survey, samples):
     return pairs
 
 
-def _find(survey: Survey, planes: str, progress: Progress):
+def _find(survey: Survey, points: Candidates, planes: str, progress: Progress):
     """Which planes, what was found, and what is to be said of the choice."""
     if planes == "any":
-        return "any", find_planes(survey, progress=progress), []
+        return "any", find_planes(survey, points, progress=progress), []
     try:
-        found = find_roofs(survey, find_candidates(survey, progress=progress), progress=progress)
+        found = find_roofs(survey, progress=progress)
     except (TooFewPlanes, RankDefect, NoConvergence) as error:
         if planes == "gables":
             raise
@@ -200,7 +179,7 @@ def _find(survey: Survey, planes: str, progress: Progress):
         why = f"only {found.tie_planes.n_planes} faces of gable roofs lie in two strips or more"
     remark = f"Planes of any kind were used: {why}."
     progress(remark)
-    return "any", find_planes(survey, progress=progress), [remark]
+    return "any", find_planes(survey, points, progress=progress), [remark]
 
 
 def _adjust(

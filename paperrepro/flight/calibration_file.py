@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from paperrepro import __version__
+from paperrepro._files import write_text
 from paperrepro.errors import BadInput
 from paperrepro.flight.calibrate import OwnFlight
 from paperrepro.frames import ANGLES, AXIS_WORDS
-from paperrepro.method.accuracy import PairDistances, rms
+from paperrepro.method.accuracy import PairDistances, rmse
 from paperrepro.method.adjustment.observability import Observability
 from paperrepro.method.adjustment.quality import Reliability
 from paperrepro.survey import Mounting, Scanner
@@ -30,7 +31,7 @@ REMEDY = "give the calibration.json of a calibration of this scanner and mountin
 def write(own: OwnFlight, path: Path, **origin) -> None:
     """Write `document` to ``path``; ``origin`` is added as it is."""
     text = json.dumps(document(own) | origin, indent=2, ensure_ascii=False, allow_nan=False)
-    Path(path).write_text(text + "\n", encoding="utf-8", newline="\n")
+    write_text(path, text + "\n")
 
 
 def document(own: OwnFlight) -> dict:
@@ -115,8 +116,8 @@ def _pair(pair: PairDistances) -> dict:
         "second": pair.second,
         "overlap": pair.overlap,
         "n_points": len(pair.before),
-        "rms_before_m": rms(pair.before),
-        "rms_after_m": rms(pair.after),
+        "rms_before_m": rmse(pair.before),
+        "rms_after_m": rmse(pair.after),
         "median_before_m": float(np.median(np.abs(pair.before))),
         "median_after_m": float(np.median(np.abs(pair.after))),
     }

@@ -129,7 +129,7 @@ def open_strip(path: Path, crs: str | None = None, ring_dimension: str = "user_d
     grid = Grid(_crs_of(header, path) if crs is None else crs, "--crs" if crs else str(path))
     if header.generating_software.startswith(SOFTWARE):
         notes += (
-            f"{path}: its header says that it was written under a calibration ("
+            f"{path}: was written under a calibration, as its header says ("
             f"{header.generating_software.strip()}); a second one adds to that",
         )
     return StripFile(

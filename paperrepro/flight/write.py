@@ -129,8 +129,8 @@ def write_strips(flight: Flight, mounting: Mounting, out: str | Path) -> list[Pa
 
 def _write_file(flight: Flight, file: StripFile, mounting: Mounting, target: Path) -> None:
     with opened(file.path) as reader:
-        header = _header_to_write(reader.header)
         evlrs = _without_copc(reader.evlrs or [])
+        header = _header_to_write(reader.header)
         with laspy.open(target, mode="w", header=header) as writer:
             for chunk in file.chunks():
                 try:
@@ -151,7 +151,7 @@ def _header_to_write(header: laspy.LasHeader) -> laspy.LasHeader:
     header.evlrs = None
     header.generating_software = f"{SOFTWARE} {__version__}"
     if header.version.minor < 1:
-        header.version = "1.2"
+        header.version = laspy.header.Version(1, 2)
     return header
 
 

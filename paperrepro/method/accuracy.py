@@ -10,7 +10,7 @@ strip is settled once, under the calibrated mounting, and the same correspondenc
 under any other. A neighbourhood that is not planar, as in a crown, takes no part.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -19,9 +19,9 @@ from scipy import special, stats
 from scipy.spatial import cKDTree
 
 from paperrepro.errors import TooFewPlanes
-from paperrepro.method.adjustment.conditions import FaceStates, Unknowns, face_states
+from paperrepro.method.adjustment.conditions import FaceStates
 from paperrepro.method.cells import extent, inside
-from paperrepro.method.coarse_to_fine import RoofSurvey
+from paperrepro.method.coarse_to_fine import PlaneSurvey
 from paperrepro.method.georeference import georeference
 from paperrepro.method.matching import MatchParameters, match
 from paperrepro.method.roofs import Face, RoofParameters, Roofs, candidates, extract, virtual_point
@@ -46,17 +46,17 @@ class ReferencePlanes:
 
 def reference_roofs(cloud_m: np.ndarray, seed: int = 0) -> Roofs:
     """Gable roofs of a reference cloud (K, 3) m, m-frame."""
-    params = RoofParameters.fine()
+    params = RoofParameters()
     kept = cloud_m[candidates(cloud_m, params)]
     return extract(kept, params, np.random.default_rng(seed))
 
 
-def reference_planes(found: RoofSurvey, reference: Roofs) -> ReferencePlanes:
+def reference_planes(found: PlaneSurvey, reference: Roofs) -> ReferencePlanes:
     """Match the roofs of the strips with those of the reference; a plane takes what most views say.
 
     ``found`` must have been found under a calibrated mounting. Raises `TooFewPlanes`.
     """
-    matches = match({**found.roofs, _REFERENCE: reference}, MatchParameters.fine())
+    matches = match({**found.surfaces, _REFERENCE: reference}, MatchParameters.fine())
     votes: dict[int, list[int]] = {}
     tie_of = {key: number for number, tie in enumerate(found.ties) for key in tie}
     for pair in matches.pairs:
@@ -77,8 +77,26 @@ def reference_planes(found: RoofSurvey, reference: Roofs) -> ReferencePlanes:
 def point_to_plane(
     tie_planes: TiePlanes, mounting: Mounting, reference: ReferencePlanes
 ) -> np.ndarray:
-    """Signed distances (N',), m, of all face points that have a reference, under ``mounting``."""
-    plane_of_point = np.repeat(tie_planes.plane, np.diff(tie_planes.ranges, axis=1)[:, 0])
+    """Distances of the points of all faces from a reference, Fig. 7 and 8.
+
+    Parameters
+    ----------
+    tie_planes : TiePlanes
+    mounting : Mounting
+        Under which the points are georeferenced.
+    reference : ReferencePlanes
+        A plane, or none, for each of the tie planes.
+
+    Returns
+    -------
+    (N',) array, m
+        Signed distances of all points whose plane has a reference.
+
+    References
+    ----------
+    Eq. (7) and section 3.2.3 of the paper.
+    """
+    plane_of_point = tie_planes.plane_of_point
     kept = reference.found[plane_of_point]
     p_m = georeference(tie_planes.rays.take(kept), mounting)
     plane = reference.planes[plane_of_point[kept]]
@@ -88,6 +106,11 @@ def point_to_plane(
 def rmse(distances: np.ndarray) -> float:
     """Root mean square, m."""
     return float(np.sqrt(np.mean(np.square(distances))))
+
+
+def nmad(values: np.ndarray) -> float:
+    """Robust spread of values (N,): their median absolute deviation, as a normal sigma."""
+    return float(1.4826 * np.median(np.abs(values - np.median(values))))
 
 
 @dataclass(frozen=True)
@@ -108,10 +131,10 @@ class Distribution:
     @classmethod
     def of(cls, distances: np.ndarray) -> "Distribution":
         mean, sigma, median = distances.mean(), distances.std(), np.median(distances)
-        nmad = 1.4826 * np.median(np.abs(distances - median))
         ks = _from_normal(np.sort((distances - mean) / sigma))
         shape = stats.skew(distances), stats.kurtosis(distances)
-        return cls(len(distances), *(float(v) for v in (mean, median, sigma, nmad, *shape, ks)))
+        values = (mean, median, sigma, nmad(distances), *shape, ks)
+        return cls(len(distances), *(float(value) for value in values))
 
 
 def _from_normal(standardised: np.ndarray) -> float:
@@ -125,7 +148,7 @@ def _from_normal(standardised: np.ndarray) -> float:
 @dataclass(frozen=True)
 class VirtualPoints:
     """Virtual points under one mounting: ``points`` (K, 3) m of the gables ``gable`` (K,) of a
-    `RoofSurvey`, their ``strips`` and ``planes`` (K, 2)."""
+    `PlaneSurvey`, their ``strips`` and ``planes`` (K, 2)."""
 
     points: np.ndarray
     gable: np.ndarray
@@ -133,10 +156,10 @@ class VirtualPoints:
     planes: np.ndarray
 
 
-def virtual_points(found: RoofSurvey, mounting: Mounting) -> VirtualPoints:
+def virtual_points(found: PlaneSurvey, mounting: Mounting) -> VirtualPoints:
     """Virtual points of all matched gables, from the same points as they lie under ``mounting``."""
     tie_planes = found.tie_planes
-    states = _states(tie_planes, mounting)
+    states = tie_planes.states(mounting)
     points, gable = [], []
     for number, (left, right) in enumerate(found.gables):
         crossing = virtual_point(_face(states, left), _face(states, right))
@@ -151,8 +174,21 @@ def virtual_points(found: RoofSurvey, mounting: Mounting) -> VirtualPoints:
 
 
 def vertical_offsets(points: VirtualPoints, reference: ReferencePlanes) -> np.ndarray:
-    """Height (K,), m, of each virtual point over the reference's ridge; NaN where it has none.
+    """Heights of virtual points over the ridges of a reference, Fig. 11.
 
+    Parameters
+    ----------
+    points : VirtualPoints
+        K of them, under a mounting.
+    reference : ReferencePlanes
+
+    Returns
+    -------
+    (K,) array, m
+        NaN where a gable has no reference.
+
+    Notes
+    -----
     The ridge is the line in which the two reference planes meet; the height is taken where, seen
     from above, the ridge passes nearest to the virtual point.
     """
@@ -166,13 +202,6 @@ def vertical_offsets(points: VirtualPoints, reference: ReferencePlanes) -> np.nd
             foot = np.linalg.solve(system, [left[3], right[3], system[2] @ p_m])
             out[k] = p_m[2] - foot[2]
     return out
-
-
-def _states(tie_planes: TiePlanes, mounting: Mounting) -> FaceStates:
-    """Centroids and planes of all faces under ``mounting``."""
-    n_rings = int(tie_planes.rays.ring.max()) + 1
-    unknowns = Unknowns.layout(mounting, n_rings, "none")
-    return face_states(tie_planes.rays, tie_planes.ranges, unknowns, unknowns.start())
 
 
 def _face(states: FaceStates, number: int) -> Face:
@@ -289,6 +318,42 @@ def _belong(p_m: np.ndarray, q_m: np.ndarray) -> np.ndarray:
     return over & (rms <= PLANAR_M) & (width >= LEAST_WIDTH)
 
 
-def rms(distances: np.ndarray) -> float:
-    """Root mean square, m."""
-    return float(np.sqrt(np.mean(np.square(distances))))
+def median_ratio(distances: Sequence[PairDistances]) -> float | None:
+    """Median distance between the strips after, as a share of that before, of all points of all
+    pairs; None where there is no pair."""
+    if not distances:
+        return None
+    after, before = (
+        np.median(np.abs(np.concatenate([getattr(pair, when) for pair in distances])))
+        for when in ("after", "before")
+    )
+    return float(after / before)
+
+
+def ring_spread(distance_m: np.ndarray, ring: np.ndarray) -> float:
+    """Largest minus least of the rings' mean distances, m, of points (N,)."""
+    rings, number = np.unique(ring, return_inverse=True)
+    mean = np.bincount(number, distance_m) / np.bincount(number)
+    return float(np.ptp(mean)) if len(rings) else 0.0
+
+
+def ground_spread(p_m: np.ndarray, cell_m: float = 1.0, least: int = 10) -> float:
+    """Median over level cells of the standard deviation, m, of heights of ground points (N, 3) m;
+    cells of fewer than ``least`` points do not count."""
+    east, north = (np.floor(x / cell_m).astype(np.int64) for x in p_m[:, :2].T)
+    number = (east - east.min()) * (np.ptp(north) + 1) + north - north.min()
+    count = np.maximum(np.bincount(number), 1)
+    height = p_m[:, 2] - (np.bincount(number, p_m[:, 2]) / count)[number]
+    many = count >= least
+    variance = np.bincount(number, np.square(height))[many] / (count[many] - 1)
+    return float(np.median(np.sqrt(variance)))
+
+
+def density_across(
+    across_m: np.ndarray, length_m: float, half_m: float = 60.0, step_m: float = 4.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points per m² of a strip ``length_m`` long against the distance from its track: middles (K,)
+    m of bins, and densities (K,), of points ``across_m`` (N,), right positive."""
+    edges = np.arange(-half_m, half_m + 0.1, step_m)
+    density = np.histogram(across_m, edges)[0] / (step_m * length_m)
+    return 0.5 * (edges[1:] + edges[:-1]), density

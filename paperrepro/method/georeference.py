@@ -21,7 +21,27 @@ AXIS_CROSS = np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(0, 2, 1)
 
 
 def georeference(rays: Rays, mounting: Mounting) -> np.ndarray:
-    """Points (N, 3) m, m-frame, of ``rays`` under ``mounting``. Eq. (1), Eq. (2)."""
+    """The LiDAR equation: where laser points lie.
+
+    Parameters
+    ----------
+    rays : Rays
+        N of them, each with its pose.
+    mounting : Mounting
+
+    Returns
+    -------
+    (N, 3) array, m, m-frame
+
+    Raises
+    ------
+    BadInput
+        Where the mounting has offsets for fewer rings.
+
+    References
+    ----------
+    Eq. (1) and (2) of the paper.
+    """
     p_m = np.empty((len(rays), 3))
     n_rings = int(rays.ring.max()) + 1 if len(rays) else 0
     over_threads(

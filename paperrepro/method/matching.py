@@ -46,12 +46,13 @@ class MatchParameters:
 
 @dataclass(frozen=True)
 class FacePair:
-    """One face in two strips; ``distance`` m of the gables, ``inclination`` rad of the normals."""
+    """One face in two strips; ``distance`` m of the gables, ``inclination`` rad of the normals, NaN
+    where they were not compared."""
 
     reference: FaceKey
     search: FaceKey
-    distance: float
-    inclination: float
+    distance: float = np.nan
+    inclination: float = np.nan
 
 
 @dataclass(frozen=True)

@@ -298,18 +298,25 @@ def _spread_out(p_m: np.ndarray, most: int) -> np.ndarray:
     return np.r_[order, np.setdiff1d(np.arange(len(p_m)), order)].astype(int)
 
 
-def common_footprint(views: list[np.ndarray], axis: int, tile_m: float) -> list[np.ndarray | None]:
-    """Of each view's points (N, 3) m, a mask (N,) of those where every kept view has points.
+def seen_by_all(
+    members: list[np.ndarray], clouds: list[np.ndarray], axis: int, tile_m: float
+) -> list[np.ndarray]:
+    """``members``, indices of each view into its cloud (N, 3) m, where every kept view has points.
 
-    None for a view that shows too little of the place. What a surface departs from a plane is then
+    None of a view that shows too little of the place. What a surface departs from a plane is then
     the same for all views, and their centroids lie over one another.
     """
-    cells = [np.floor(p_m[:, IN_PLANE[axis]] / (FOOTPRINT * tile_m)).astype(int) for p_m in views]
-    codes = [cell[:, 0] * (1 << 24) + cell[:, 1] for cell in cells]
+    codes = []
+    for index, p_m in zip(members, clouds, strict=True):
+        cell = np.floor(p_m[index][:, IN_PLANE[axis]] / (FOOTPRINT * tile_m)).astype(int)
+        codes.append(cell[:, 0] * (1 << 24) + cell[:, 1])
     shown = [np.unique(code) for code in codes]
     everything = np.unique(np.concatenate(shown))
     kept = [len(cover) >= LEAST_COVER * len(everything) for cover in shown]
     common = everything
     for cover, keep in zip(shown, kept, strict=True):
         common = np.intersect1d(common, cover) if keep else common
-    return [np.isin(code, common) if keep else None for code, keep in zip(codes, kept, strict=True)]
+    return [
+        index[np.isin(code, common) & keep]
+        for index, code, keep in zip(members, codes, kept, strict=True)
+    ]

@@ -8,7 +8,7 @@ Faces: segments of the thinned cloud, brought back to the full density.
 Gable roofs from pairs of faces, and their virtual points (section 2.2.4, Fig. 4).
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -311,14 +311,9 @@ class RoofParameters:
     assignment: AssignmentParameters = field(default_factory=AssignmentParameters)
     gable: GableParameters = field(default_factory=GableParameters)
 
-    @classmethod
-    def fine(cls) -> "RoofParameters":
-        """For points under a boresight that is right to about 0.2 degrees: Table 2."""
-        return cls()
-
-    @classmethod
-    def coarse(cls) -> "RoofParameters":
-        """For the central beams (within 3.5 deg) under a boresight wrong by up to 3 degrees.
+    def coarse(self) -> "RoofParameters":
+        """The same for the central beams (within 3.5 deg) under a boresight wrong by up to 3
+        degrees.
 
         At 30 m these beams meet the roof up to 1.8 m ahead and behind; 3 degrees in pitch move
         them apart by 9 cm either way, 18 cm at the 60 m of the swath's edge. Hence tolerances of
@@ -326,11 +321,12 @@ class RoofParameters:
         tilt the ridge by as much and so turn the slope directions of a roof of 15 degrees by
         3 / tan 15 = 11 degrees, each its own way.
         """
-        return cls(
-            ransac=RansacParameters(tolerance_m=0.25, normal_deg=30.0),
-            growing=GrowingParameters(angle_deg=8.0, residual_m=0.25),
-            assignment=AssignmentParameters(ceiling_m=0.30),
-            gable=GableParameters(azimuth_deg=30.0, ridge_slope_deg=8.0),
+        return replace(
+            self,
+            ransac=replace(self.ransac, tolerance_m=0.25, normal_deg=30.0),
+            growing=replace(self.growing, angle_deg=8.0, residual_m=0.25),
+            assignment=replace(self.assignment, ceiling_m=0.30),
+            gable=replace(self.gable, azimuth_deg=30.0, ridge_slope_deg=8.0),
         )
 
 
@@ -348,7 +344,7 @@ def candidates(p_m: np.ndarray, params: RoofParameters | None = None) -> np.ndar
 
     p_m : (N, 3) array, m, m-frame (z up), one strip, whatever the boresight.
     """
-    params = params or RoofParameters.fine()
+    params = params or RoofParameters()
     kept = np.flatnonzero(statistical_outliers(p_m, params.outliers.k, params.outliers.alpha))
     return kept[~progressive_morphological_filter(p_m[kept], params.ground)]
 

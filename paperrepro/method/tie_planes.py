@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from paperrepro.errors import RankDefect, TooFewPlanes
-from paperrepro.survey import Rays
+from paperrepro.method.adjustment.conditions import FaceStates, Unknowns, face_states
+from paperrepro.survey import Mounting, Rays
 
 #: Planes needed for three angles and a check; the paper asks four of the refinement, section 2.2.5.
 LEAST_PLANES = 4
@@ -81,6 +82,23 @@ class TiePlanes:
         first = np.searchsorted(self.plane, np.arange(self.n_planes))
         last = np.searchsorted(self.plane, np.arange(self.n_planes), side="right") - 1
         return np.column_stack([self.ranges[first, 0], self.ranges[last, 1]])
+
+    @property
+    def plane_of_point(self) -> np.ndarray:
+        """(N,) index of each point's plane."""
+        return np.repeat(self.plane, np.diff(self.ranges, axis=1)[:, 0])
+
+    def states(self, mounting: Mounting) -> FaceStates:
+        """Centroids and planes of the faces under ``mounting``."""
+        return self._states(mounting, self.ranges)
+
+    def plane_states(self, mounting: Mounting) -> FaceStates:
+        """The same of the planes, each fitted to the points of all its faces."""
+        return self._states(mounting, self.plane_ranges)
+
+    def _states(self, mounting: Mounting, ranges: np.ndarray) -> FaceStates:
+        unknowns = Unknowns.layout(mounting, int(self.rays.ring.max()) + 1, "none")
+        return face_states(self.rays, ranges, unknowns, unknowns.start())
 
     def subset(self, keep: np.ndarray) -> "TiePlanes":
         """Without the faces where ``keep`` (F,) is False, and the planes that one face is left of.

@@ -20,7 +20,7 @@ from paperrepro.paper.published import (
     TABLE1,
     TABLE5,
 )
-from paperrepro.study.rows import Run
+from paperrepro.study.rows import SurveyKey
 
 
 @dataclass(frozen=True)
@@ -153,8 +153,6 @@ ARTEFACTS = (
              "Section of a roof by strip, refined and with half a degree added to each angle."),
     Artefact("rmse", "Point-to-plane distances in full", _ACCURACY,
              "RMSE and mean distance of every step, against reference and true planes."),
-    Artefact("accuracy_claims", "Statements on accuracy", _ACCURACY,
-             "The paper's statements on accuracy, judged by this one survey."),
     Artefact("noise_errors", "Errors, sigmas and coverage against noise", _SWEEP,
              "Mean boresight error, formal σ and coverage of 95\u00a0% intervals of each scenario, "
              "over the noise of the trajectory, with intervals over many surveys."),
@@ -260,18 +258,20 @@ class Values:
     """The values of one run, to be had by "artefact/scenario/metric" or ".../metric@preset"."""
 
     quantities: dict[str, Quantity]
-    run: Run
+    run: SurveyKey
 
     @classmethod
-    def of(cls, rows: pd.DataFrame, run: Run) -> "Values":
-        own = rows[
-            (rows.profile == run.profile)
-            & (rows.noise_scale == run.noise_scale)
-            & (rows.seed == run.seed)
-        ].fillna({"scenario": "", "unit": "1"})
+    def of(cls, rows: pd.DataFrame, run: SurveyKey) -> "Values":
+        own = cls.own(rows, run).fillna({"scenario": "", "unit": "1"})
         keys = own.artefact + "/" + own.scenario + "/" + own.metric + "@" + own.preset
         quantities = map(Quantity, own.value, own.unit.astype(str))
         return cls(dict(zip(keys, quantities, strict=True)), run)
+
+    @staticmethod
+    def own(rows: pd.DataFrame, run: SurveyKey) -> pd.DataFrame:
+        """Those of ``rows`` that are of the run's profile, noise and seed."""
+        same = (rows.profile == run.profile) & (rows.noise_scale == run.noise_scale)
+        return rows[same & (rows.seed == run.seed)]
 
     def __getitem__(self, key: str) -> Quantity:
         return self.quantities[self._full(key)]

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from paperrepro.errors import BadInput
+
 NO_VALUE = "no value"
 THIN = "\u202f"
 
@@ -21,6 +23,11 @@ SHOWN = {
     "%": {"%": (1, 1, "%")},
     "1/m2": {"1/m2": (1, 0, "points/m²")},
 }
+#: The same in the ledger's sentences; a difference, which has a sign, of metres one digit finer.
+IN_WORDS = {
+    "m": (100, 1, " cm"), "deg": (1, 3, "°"), "share": (100, 0, " %"), "1/m2": (1, 0, " /m²"),
+    "s": (1, 2, " s"),
+}  # fmt: skip
 
 #: Endings of column names: decimals (None: four significant digits) and the unit in the heading.
 ENDINGS = {
@@ -33,7 +40,8 @@ WORDS = {
     "sigma": "σ", "sigma0": "σ₀", "omega": "Δω", "phi": "Δφ", "kappa": "Δκ", "rms": "RMS",
     "rmse": "RMSE", "Eq": "Eq.",
 }  # fmt: skip
-#: How cells of tables name the angles.
+#: The angles as symbols, and as tables and pictures name them.
+SYMBOLS = {"omega": "Δω", "phi": "Δφ", "kappa": "Δκ"}
 ANGLE_NAMES = {
     "omega": "Δω\u00a0(roll)", "phi": "Δφ\u00a0(pitch)", "kappa": "Δκ\u00a0(yaw)",
 }  # fmt: skip
@@ -58,29 +66,49 @@ class Quantity:
         if not shown_in:
             shown_in = "cm" if self.unit == "m" and abs(self.value) < 1 else self.unit
         if shown_in not in known:
-            raise ValueError(f"a value in {self.unit} can be shown in {', '.join(known)}, "
-                             f"not in {shown_in}")  # fmt: skip
+            raise BadInput(
+                f"a value in {self.unit}: expected to be shown in {', '.join(known)}, got "
+                f"{shown_in}; choose one of them"
+            )
         factor, decimals, unit = known[shown_in]
         fine = unit == "°" and abs(self.value) < 0.01
         return factor, 4 if fine else decimals, unit
 
 
-def number(value: float, decimals: int | None = None) -> str:
-    """``value`` with ``decimals``, or four significant digits; thousands set apart."""
-    if decimals is None:
-        text = f"{value:,.{_digits(value)}f}"
-        text = text.rstrip("0").rstrip(".") if "." in text else text
-    else:
-        text = f"{value:,.{decimals}f}"
-    if not text.strip("-0.,"):
-        text = text.lstrip("-")  # what rounds to nothing has no sign
-    return text.replace(",", THIN).replace("-", "\u2212")
+def number(
+    value: float, decimals: int | None = None, signed: bool = False, grouped: bool = True
+) -> str:
+    """``value`` with ``decimals``, or four significant digits; ``grouped``: thousands set apart;
+    ``signed``: with a plus, too."""
+    whole = float(value).is_integer()
+    digits = decimals if decimals is not None else 0 if whole else _digits(value, 4)
+    text = f"{value:{'+' if signed else ''},.{digits}f}"
+    if decimals is None and "." in text:
+        text = text.rstrip("0").rstrip(".")
+    if not text.strip("+-0.,"):
+        text = text.lstrip("+-")  # what rounds to nothing has no sign
+    return text.replace(",", THIN if grouped else "").replace("-", "\u2212")
 
 
-def _digits(value: float) -> int:
-    """Decimals that give four significant digits; none for a whole number."""
-    whole = float(value).is_integer() or abs(value) >= 1000
-    return 0 if whole else max(0, 3 - math.floor(math.log10(abs(value))))
+def _digits(value: float, significant: int) -> int:
+    """Decimals that give so many significant digits."""
+    size = math.floor(math.log10(abs(value))) if value and math.isfinite(value) else 0
+    return max(0, significant - 1 - size)
+
+
+def shown(value: float, unit: str, signed: bool = False) -> str:
+    """A number in a sentence: metres as centimetres, "share" as percent, others to three digits."""
+    factor, decimals, ending = IN_WORDS.get(unit, (1, min(3, _digits(value, 3)), ""))
+    finer = unit == "m" and signed
+    return f"{number(factor * value, decimals + finer, signed, grouped=False)}{ending}"
+
+
+def span(interval, unit: str, signed: bool = False) -> str:
+    """A value with its `Interval` in a sentence."""
+    value, low, high = (
+        shown(v, unit, signed) for v in (interval.value, interval.low, interval.high)
+    )
+    return f"{value} ({low} to {high})"
 
 
 def worded(text: str, unit: str) -> str:
@@ -118,7 +146,7 @@ def _decimals(column: pd.Series) -> int | None:
     if named is not None:
         return named
     needed = max(len(number(value).partition(".")[2]) for value in column)
-    return min(needed, _digits(column.abs().max()))
+    return min(needed, _digits(column.abs().max(), 4))
 
 
 def _ending(column: str) -> tuple[int | None, str, str]:

@@ -1,12 +1,9 @@
 """Executing the notebooks: every table and figure from one command.
 
-Results are collected in a folder of their own and moved into place when all notebooks have run, so
-a run that fails leaves the earlier figures as they were.
+Results appear when all notebooks have run; a run that fails leaves the earlier ones as they were.
 """
 
-import os
 import shutil
-import tempfile
 import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -15,11 +12,12 @@ from pathlib import Path
 import pandas as pd
 from tqdm import tqdm
 
+from paperrepro._files import written_whole
 from paperrepro.errors import BadInput
 from paperrepro.study.notebooks import OUTPUT, NotebookFailed, declared, execute, kill_kernels
 from paperrepro.study.rows import write_csv
 
-NOTEBOOKS = Path(__file__).resolve().parent.parent / "notebooks"
+NOTEBOOKS = Path(__file__).resolve().parents[2] / "notebooks"
 EXECUTED = "executed"
 #: Ending of a notebook that makes no artefact: what a sweep executes for each of its runs.
 RUN = "_run"
@@ -32,30 +30,54 @@ BEGIN_WITH = ("01", "05", "03", "10", "07", "11")
 def reproduce(
     out: Path, parameters: Mapping, only: tuple[str, ...] = (), jobs: int = 1
 ) -> dict[str, float]:
-    """Run the notebooks (those whose names start with one of ``only``, or all) into ``out``.
+    """Execute the notebooks.
 
-    ``jobs`` run at a time; what two of them need is computed once, the other waits for it.
+    Parameters
+    ----------
+    out : Path
+        Folder of the results. Ctrl-C ends the notebooks that run, and ``out`` is as it was.
+    parameters : mapping
+        Plain values by name, given to every notebook.
+    only : tuple of str
+        Notebooks by the start of their names; empty: all.
+    jobs : int
+        How many run at a time; what two of them need is computed once, the other waits for it.
 
-    Ctrl-C ends the notebooks that run, and ``out`` is as it was.
+    Returns
+    -------
+    dict of str to float
+        The seconds each took.
 
-    Returns the seconds each took. Raises `BadInput` for a parameter that a notebook lacks, and
-    `NotebookFailed`, which names notebook, cell and error.
+    Raises
+    ------
+    BadInput
+        For a parameter that a notebook lacks, and a folder that cannot be written.
+    NotebookFailed
+        With notebook, cell and error; the notebook as far as it ran is in ``out``.
     """
     notebooks = _chosen(only)
     for notebook in notebooks:
         _require_parameters(notebook, parameters)
-    out.mkdir(parents=True, exist_ok=True)
-    staging = Path(tempfile.mkdtemp(prefix=".part-", dir=out))
-    try:
-        seconds = _run_all(notebooks, staging, {**parameters, OUTPUT: str(staging)}, jobs)
-        _move_into(staging, out)
-        _merge_rows(out)
-    except NotebookFailed:
-        _move_into(staging / EXECUTED, out / EXECUTED)
-        raise
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
+    seconds, failure = {}, None
+    with written_whole(out) as draft:
+        try:
+            seconds = _run_all(notebooks, draft, {**parameters, OUTPUT: str(draft)}, jobs)
+        except NotebookFailed as error:
+            failure = error
+            _keep_executed(draft)
+    if failure is not None:
+        raise failure
+    _merge_rows(out)
     return seconds
+
+
+def _keep_executed(draft: Path) -> None:
+    """Of what a run that failed has written, only the notebooks."""
+    for path in draft.iterdir():
+        if path.is_file():
+            path.unlink()
+        elif path.name != EXECUTED:
+            shutil.rmtree(path)
 
 
 def _chosen(only: tuple[str, ...]) -> list[Path]:
@@ -82,14 +104,14 @@ def _require_parameters(notebook: Path, parameters: Mapping) -> None:
 
 
 def _run_all(
-    notebooks: list[Path], staging: Path, parameters: Mapping, jobs: int
+    notebooks: list[Path], draft: Path, parameters: Mapping, jobs: int
 ) -> dict[str, float]:
     """Seconds that each took; a notebook that fails keeps those that wait from starting."""
-    (staging / EXECUTED).mkdir()
+    (draft / EXECUTED).mkdir()
     seconds = dict.fromkeys((notebook.stem for notebook in notebooks), 0.0)
     with ThreadPoolExecutor(jobs) as pool, tqdm(total=len(notebooks), unit="notebook") as bar:
         order = in_order(notebooks) if jobs > 1 else notebooks
-        futures = {pool.submit(_run, path, staging, parameters): path for path in order}
+        futures = {pool.submit(_run, path, draft, parameters): path for path in order}
         try:
             for future in as_completed(futures):
                 seconds[futures[future].stem] = future.result()
@@ -113,10 +135,10 @@ def in_order(notebooks: list[Path]) -> list[Path]:
     return sorted(notebooks, key=lambda path: (rank.get(path.name[:2], len(rank)), path.name))
 
 
-def _run(notebook: Path, staging: Path, parameters: Mapping) -> float:
+def _run(notebook: Path, draft: Path, parameters: Mapping) -> float:
     start = time.perf_counter()
     hint = f"; the notebook as far as it ran is in the folder {EXECUTED}"
-    execute(notebook, staging / EXECUTED / notebook.name, parameters, hint)
+    execute(notebook, draft / EXECUTED / notebook.name, parameters, hint)
     return time.perf_counter() - start
 
 
@@ -125,11 +147,3 @@ def _merge_rows(folder: Path) -> None:
     parts = [pd.read_csv(path) for path in sorted((folder / "rows").glob("*.csv"))]
     if parts:
         write_csv(pd.concat(parts, ignore_index=True), folder, "rows")
-
-
-def _move_into(source: Path, target: Path) -> None:
-    """Move every file, keeping folders; each replaces its namesake at once."""
-    for path in sorted(p for p in source.rglob("*") if p.is_file()):
-        place = target / path.relative_to(source)
-        place.parent.mkdir(parents=True, exist_ok=True)
-        os.replace(path, place)

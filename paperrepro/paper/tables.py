@@ -9,27 +9,14 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from paperrepro.frames import ANGLES
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.roofs import RoofParameters
-from paperrepro.paper.published import (
-    OFFSET_AFTER_CALIBRATION,
-    OFFSET_AFTER_REFINEMENT,
-    RMSE_LEFT_BY_SL,
-    RMSE_REDUCTION,
-    TABLE2,
-    TABLE4,
-    TABLE5,
-    Published,
-)
-from paperrepro.study.rows import Run
-
-#: The scenarios that the paper proposes; SL is its [11], D is ours.
-_PROPOSED = ["A", "B", "C"]
+from paperrepro.paper.published import TABLE2, TABLE4
+from paperrepro.study.rows import ANGLES, SurveyKey
 
 
 def calibration_rows(
-    run: Run, results: Mapping[str, CalibrationResult], truth_rad: np.ndarray
+    run: SurveyKey, results: Mapping[str, CalibrationResult], truth_rad: np.ndarray
 ) -> list[dict]:
     """Rows of Table 4: each angle's estimate and sigma, the truth, and the adjustment's figures."""
     rows = []
@@ -111,50 +98,3 @@ def _field(params: RoofParameters, name: str) -> float:
     for part in name.split("."):
         value = value[int(part)] if part.isdigit() else getattr(value, part)
     return value
-
-
-def accuracy_claims(rows: pd.DataFrame) -> pd.DataFrame:
-    """What the paper says of accuracy, what the ``rows`` of one survey say, and whether that holds:
-    columns place, statement, paper, here, unit, holds."""
-    value = rows.set_index(["artefact", "scenario", "metric"]).value
-    rmse = value["fig07", :, "rmse_reference_calibration"]
-    rmse_left = value["fig07", :, "rmse_left_reference_calibration"]
-    mean_left = value["table5", :, "mean_left_reference_calibration"]
-    largest_calibrated = value["fig11", :, "max_calibration"].reindex(_PROPOSED).max()
-    largest_refined = value["fig11", :, "max_refinement"].reindex(_PROPOSED).max()
-    mean_refined = value["fig11", :, "mean_refinement"].reindex(_PROPOSED).max()
-    mean_of_sl = value["fig11", "SL", "mean_calibration"]
-    lines = [
-        _claim(limit, f"RMSE reduced by more, {name}", 1 - rmse_left[name], above=True)
-        for name, limit in RMSE_REDUCTION.items()
-    ]
-    lines += [
-        _claim(RMSE_LEFT_BY_SL, "RMSE left by [11] is less", rmse_left["SL"]),
-        _claim(TABLE5["SL"], "mean error left by [11], within 0.1", mean_left["SL"], within=0.1),
-        _claim(TABLE5["proposed"], "mean error left by B, within 0.1", mean_left["B"], within=0.1),
-        _ordering("Fig. 7", "RMSE of B below that of [11]", rmse["B"], rmse["SL"]),
-        _ordering("Fig. 7", "RMSE of C below that of [11]", rmse["C"], rmse["SL"]),
-        _ordering("Fig. 7", "RMSE of C below that of B", rmse["C"], rmse["B"]),
-        _claim(OFFSET_AFTER_CALIBRATION, "largest offset, A-C calibrated", largest_calibrated),
-        _claim(OFFSET_AFTER_REFINEMENT, "largest offset, A-C refined", largest_refined),
-        _ordering("Fig. 11", "mean offset, A-C refined, below [11]'s", mean_refined, mean_of_sl),
-    ]  # fmt: skip
-    return pd.DataFrame(lines)
-
-
-def _claim(limit: Published, statement: str, here: float, above=False, within=None) -> dict:
-    holds = here > limit.value if above else here < limit.value
-    if within is not None:
-        holds = abs(here - limit.value) < within
-    return _line(limit.place, statement, limit.value, here, limit.unit, holds)
-
-
-def _ordering(place: str, statement: str, less: float, more: float) -> dict:
-    return _line(place, f"{statement} ({more:.3f} m)", np.nan, less, "m", less < more)
-
-
-def _line(place, statement, paper, here, unit, holds) -> dict:
-    return {
-        "place": place, "statement": statement, "paper": paper, "here": here, "unit": unit,
-        "holds": bool(holds),
-    }  # fmt: skip

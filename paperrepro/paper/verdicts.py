@@ -3,8 +3,6 @@
 Written rules: a claim *holds* if it does in every setting that has enough surveys, *holds under
 conditions* if it does in some, or in part, and *does not hold* if it does in none. Where rows or
 surveys are missing, or do not decide, it is *not testable here*, and that is said.
-
-A claim of the paper, or of ours, with the rule that judges it.
 """
 
 from collections.abc import Callable
@@ -21,8 +19,18 @@ FAILS = "does not hold"
 UNTESTED = "not testable here"
 VERDICTS = (HOLDS, CONDITIONS, FAILS, UNTESTED)
 
+#: Kinds of claims beside those of `published`: made in words; made by this project alone.
+STATEMENT, OURS = "statement", "ours"
+
+#: What one setting says of a claim.
 YES, PARTLY, NO, OPEN = "yes", "in part", "no", "undecided"
 _OPENINGS = {YES: "holds", PARTLY: "in part", NO: "not", OPEN: "undecided"}
+
+#: Columns of the ledger.
+COLUMNS = (
+    "id", "claim", "place", "kind", "paper", "measured", "low", "high", "unit", "seeds",
+    "verdict", "condition",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -54,7 +62,7 @@ Rule = Callable[[Evidence], Finding]
 Judge = Callable[[Surveys], Judged]
 
 
-def over_settings(judge: Judge, preset: str | None = None) -> Rule:
+def in_settings(judge: Judge, preset: str | None = None) -> Rule:
     """``judge`` in every setting, or in those of one preset; the first gives the measured value."""
 
     def rule(evidence: Evidence) -> Finding:
@@ -62,8 +70,8 @@ def over_settings(judge: Judge, preset: str | None = None) -> Rule:
             settings = evidence.settings(preset)
         except TooLittle as missing:
             return untested(str(missing))
-        groups = {str(s): [evidence.surveys(s, len(settings))] for s in settings}
-        return _judge_all(groups, lambda group: judge(group[0]))
+        surveys = {str(s): evidence.surveys(s, len(settings)) for s in settings}
+        return _judge_all(surveys, judge)
 
     return rule
 
@@ -73,8 +81,8 @@ def over_noise(judge: Callable[[list[Surveys]], Judged]) -> Rule:
     those scales at which enough surveys gave a result."""
 
     def rule(evidence: Evidence) -> Finding:
+        groups: dict[str, list[Setting]] = {}
         try:
-            groups: dict[str, list[Setting]] = {}
             for setting in sorted(evidence.settings()):
                 if (~evidence.surveys(setting).failed("all")).sum() >= LEAST_SEEDS:
                     groups.setdefault(setting.name, []).append(setting)
@@ -91,7 +99,12 @@ def over_noise(judge: Callable[[list[Surveys]], Judged]) -> Rule:
     return rule
 
 
-def _judge_all(groups: dict[str, list[Surveys]], judge: Callable) -> Finding:
+def printed(rule: Rule) -> Rule:
+    """Of what the printed numbers decide, or nothing: the rule asks no survey."""
+    return rule
+
+
+def _judge_all(groups: dict, judge: Callable) -> Finding:
     judged, missing = {}, []
     for name, surveys in groups.items():
         try:
@@ -131,68 +144,32 @@ def never(reason: str) -> Rule:
     return lambda evidence: untested(reason)
 
 
-def fixed(measured: float, unit: str, holds: bool, words: str) -> Finding:
+def fixed(measured: float, holds: bool, words: str) -> Finding:
     """Of a claim that follows from the printed numbers alone: no survey, no interval."""
     verdict = HOLDS if holds else FAILS
-    return Finding(float(measured), np.nan, np.nan, unit, 0, verdict, words)
-
-
-def shown(value: float, unit: str, signed: bool = False) -> str:
-    """A number in words: metres as centimetres, "share" as percent, others to three digits."""
-    factor, digits, ending = {
-        "m": (100, 2 if signed else 1, " cm"), "deg": (1, 3, "°"), "share": (100, 0, " %"),
-        "1/m2": (1, 0, " /m²"), "s": (1, 2, " s"),
-    }.get(unit, (1, _three_digits(value), ""))  # fmt: skip
-    text = f"{factor * value:{'+' if signed else ''}.{digits}f}"
-    if not text.strip("+-0."):
-        text = text.lstrip("+-")  # what rounds to nothing has no sign
-    return f"{text}{ending}".replace("-", "−")
-
-
-def _three_digits(value: float) -> int:
-    size = np.floor(np.log10(abs(value))) if value and np.isfinite(value) else 0
-    return int(np.clip(2 - size, 0, 3))
-
-
-def span(interval: Interval, unit: str, signed: bool = False) -> str:
-    """A value with its interval in words."""
-    value, low, high = (
-        shown(v, unit, signed) for v in (interval.value, interval.low, interval.high)
-    )
-    return f"{value} ({low} to {high})"
-
-
-#: A claim made in words, without a value; a claim that only this project makes.
-STATEMENT, OURS = "statement", "ours"
+    return Finding(float(measured), np.nan, np.nan, "1", 0, verdict, words)
 
 
 @dataclass(frozen=True)
 class Claim:
-    """``text`` in our words, ``place`` in the paper; ``paper`` its value where one is printed.
-
-    ``kind`` as in `published`, or `STATEMENT` or `OURS`. A ``headline`` is in the short table.
-    """
+    """``text`` in our words, ``place`` in the paper, ``of`` a kind or of a value that the paper
+    prints; a ``judge`` of one setting, which ``over`` makes a rule over all."""
 
     id: str
-    text: str
     place: str
-    rule: Rule
-    paper: Published | None = None
-    kind: str = STATEMENT
-    headline: bool = False
+    of: str | Published
+    judge: Callable
+    text: str
+    over: Callable[[Callable], Rule] = in_settings
 
+    @property
+    def rule(self) -> Rule:
+        return self.over(self.judge)
 
-def valued(
-    id: str, text: str, paper: Published, rule: Rule, place: str = "", headline: bool = False
-) -> Claim:
-    """A claim with a printed value, at its place and of its kind unless another is given."""
-    return Claim(id, text, place or paper.place, rule, paper, paper.kind, headline)
+    @property
+    def paper(self) -> Published | None:
+        return self.of if isinstance(self.of, Published) else None
 
-
-def ours(id: str, text: str, place: str, rule: Rule, headline: bool = False) -> Claim:
-    return Claim(id, text, place, rule, None, OURS, headline)
-
-
-def called(scenario: str) -> str:
-    """How the paper calls a scenario."""
-    return "[11]" if scenario == "SL" else scenario
+    @property
+    def kind(self) -> str:
+        return self.of.kind if isinstance(self.of, Published) else self.of

@@ -18,17 +18,20 @@ from tqdm import tqdm
 from paperrepro._cache import cache_folder, code_version
 from paperrepro.errors import PaperReproError
 from paperrepro.study.environment import ONE_THREAD, variables
-from paperrepro.study.rows import COLUMNS, Run, frame, write_csv
+from paperrepro.study.rows import COLUMNS, SurveyKey, frame, write_csv
 from paperrepro.study.simulated import ARTEFACT, FAILED, Depth, Known, measure
 from paperrepro.survey import Survey
 
-SimulateOne = Callable[[Run], tuple[Survey, Known]]
+SimulateOne = Callable[[SurveyKey], tuple[Survey, Known]]
 
 _log = logging.getLogger(__name__)
 
 
 def run_seeds(
-    simulate_one: SimulateOne, runs: Mapping[Run, Depth], workers: int, version: str | None = None
+    simulate_one: SimulateOne,
+    runs: Mapping[SurveyKey, Depth],
+    workers: int,
+    version: str | None = None,
 ) -> pd.DataFrame:
     """Rows of all ``runs``, in their order, each measured to its depth, by ``workers`` processes.
 
@@ -46,8 +49,11 @@ def run_seeds(
 
 
 def _measured(
-    simulate_one: SimulateOne, runs: Mapping[Run, Depth], parts: dict[Run, Path], workers: int
-) -> Iterator[tuple[Run, pd.DataFrame]]:
+    simulate_one: SimulateOne,
+    runs: Mapping[SurveyKey, Depth],
+    parts: dict[SurveyKey, Path],
+    workers: int,
+) -> Iterator[tuple[SurveyKey, pd.DataFrame]]:
     """Measure ``runs`` into their files; yields those that left none."""
     context = multiprocessing.get_context("spawn")
     with (
@@ -68,7 +74,7 @@ def _measured(
                 yield futures[future], frame([failure(futures[future])])
 
 
-def run_one(simulate_one: SimulateOne, run: Run, depth: Depth, part: Path) -> str | None:
+def run_one(simulate_one: SimulateOne, run: SurveyKey, depth: Depth, part: Path) -> str | None:
     """Simulate and measure one survey into the file ``part``; returns why it failed, or None.
 
     An error that this package raises on purpose would come again, so it is kept too.
@@ -82,7 +88,7 @@ def run_one(simulate_one: SimulateOne, run: Run, depth: Depth, part: Path) -> st
     return reason
 
 
-def failure(run: Run) -> dict:
+def failure(run: SurveyKey) -> dict:
     """The row of a survey that could not be measured at all."""
     return run.row(ARTEFACT, "all", FAILED, "1", 1)
 

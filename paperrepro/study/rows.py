@@ -1,6 +1,5 @@
-"""MOVED"""
+"""Tidy rows: one number of one survey each, by names that tables, claims and figures share."""
 
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -8,14 +7,33 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from paperrepro._files import whole_file
+
+#: What names a row, and what it says.
 COLUMNS = (
     "artefact", "scenario", "preset", "profile", "noise_scale", "seed",
     "metric", "unit", "value", "sigma",
 )  # fmt: skip
+ANGLES = ("omega", "phi", "kappa")
+#: Artefact of all that is measured of a simulated survey.
+ARTEFACT = "study"
+#: Metric of a row that stands for what could not be measured; its scenario says where it failed.
+FAILED = "failed"
+#: Scenario of the Cramer-Rao bound.
+BOUND = "bound"
+#: Endings of scenarios' names: after the refinement; with one wrong match, as it is and screened.
+REFINED, WRONG, SCREENED = " refined", " wrong", " screened"
+#: Scenario D with the lever arm as an unknown.
+LEVER_ARM = "D lever arm"
+
+
+def mistaken_name(factor: float) -> str:
+    """Scenario D with a specification of the GNSS/INS that is wrong by ``factor``."""
+    return f"D prior x{factor:g}"
 
 
 @dataclass(frozen=True)
-class Run:
+class SurveyKey:
     """Which simulated survey a row speaks of."""
 
     preset: str
@@ -24,14 +42,9 @@ class Run:
     seed: int
 
     def row(
-        self,
-        artefact: str,
-        scenario: str,
-        metric: str,
-        unit: str,
-        value: float,
+        self, artefact: str, scenario: str, metric: str, unit: str, value: float,
         sigma: float = np.nan,
-    ) -> dict:
+    ) -> dict:  # fmt: skip
         """One tidy row."""
         return {
             "artefact": artefact, "scenario": scenario, **asdict(self),
@@ -62,7 +75,17 @@ def write_csv(table: pd.DataFrame, folder: str | Path, name: str) -> Path | None
         return None
     path = Path(folder) / f"{name}.csv"
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_suffix(".csv.part")
-    table.to_csv(part, index=False, float_format="%.10g")
-    os.replace(part, path)
+    with whole_file(path) as part:
+        table.to_csv(part, index=False, float_format="%.10g")
     return path
+
+
+def read_study(*paths: str | Path) -> pd.DataFrame:
+    """Rows of studies and sweeps that were written before; none where a path is no file. What
+    several have of a survey is taken from the first."""
+    found = [pd.read_csv(path)[list(COLUMNS)] for path in paths if Path(path).is_file()]
+    if not found:
+        return frame([])
+    rows = pd.concat(found, ignore_index=True)
+    rows = rows.astype({"noise_scale": float, "value": float, "sigma": float})
+    return rows.drop_duplicates(list(COLUMNS[:-3]), ignore_index=True)

@@ -14,7 +14,8 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from paperrepro.errors import PaperReproError, TooFewPlanes
-from paperrepro.frames import ANGLES, boresight_matrix
+from paperrepro.frames import boresight_matrix
+from paperrepro.method import Candidates, refine_all
 from paperrepro.method.accuracy import (
     Distribution,
     ReferencePlanes,
@@ -26,20 +27,17 @@ from paperrepro.method.accuracy import (
     virtual_points,
 )
 from paperrepro.method.adjustment.calibrate import PAPER_SCENARIOS, SCENARIO_NAMES, calibrate
-from paperrepro.method.adjustment.conditions import Unknowns, face_states
 from paperrepro.method.adjustment.quality import TrueNoise, cramer_rao_bound
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.trajectory_equations import AXES
 from paperrepro.method.coarse_to_fine import (
-    Candidates,
-    RoofSurvey,
+    PlaneSurvey,
     find_candidates,
     find_roofs,
-    refine_all,
 )
 from paperrepro.method.georeference import georeference
 from paperrepro.method.tie_planes import TiePlanes
-from paperrepro.study.rows import Run
+from paperrepro.study.rows import ANGLES, SurveyKey
 from paperrepro.survey import Mounting, Rays, Survey
 
 ARTEFACT = "study"
@@ -52,7 +50,7 @@ BOUND = "bound"
 @dataclass(frozen=True)
 class Known:
     """The truth that measuring needs: the true ``mounting``; ``judge``, which gives for the views
-    of a `RoofSurvey` (strip, indices) the label (F,) of each and the true plane (F, 4); the
+    of a `PlaneSurvey` (strip, indices) the label (F,) of each and the true plane (F, 4); the
     ``noise``, or None where there is no bound to compute. Of ``thinning`` pulses the survey holds
     one."""
 
@@ -62,7 +60,7 @@ class Known:
     thinning: int = 1
 
 
-def survey_rows(run: Run, known: Known, survey: Survey) -> list[dict]:
+def survey_rows(run: SurveyKey, known: Known, survey: Survey) -> list[dict]:
     """Density of a strip with all its pulses, mean and below the track; displacement of its
     points, on average, where the true boresight is put in by the small-angle form I + [w]x instead
     of the rotation."""
@@ -92,8 +90,8 @@ def _in_laser_frame(rays: Rays) -> np.ndarray:
     )
 
 
-def matching_rows(run: Run, known: Known, points: Candidates, found: RoofSurvey) -> list[dict]:
-    label, _ = known.judge(found.views(points))
+def matching_rows(run: SurveyKey, known: Known, found: PlaneSurvey) -> list[dict]:
+    label, _ = known.judge(found.views)
     one, other = label[found.tie_planes.pairs].T
     return [
         run.row(ARTEFACT, "all", "planes", "1", found.tie_planes.n_planes),
@@ -105,7 +103,9 @@ def matching_rows(run: Run, known: Known, points: Candidates, found: RoofSurvey)
     ]
 
 
-def angle_rows(run: Run, name: str, result: CalibrationResult, truth: np.ndarray) -> list[dict]:
+def angle_rows(
+    run: SurveyKey, name: str, result: CalibrationResult, truth: np.ndarray
+) -> list[dict]:
     """Errors of the angles with their sigma, and the squared standardised error per angle."""
     error = result.boresight - truth
     rows = error_rows(run, name, error, result.sigma)
@@ -118,14 +118,14 @@ def angle_rows(run: Run, name: str, result: CalibrationResult, truth: np.ndarray
     ]
 
 
-def error_rows(run: Run, name: str, error: np.ndarray, sigma=(np.nan,) * 3) -> list[dict]:
+def error_rows(run: SurveyKey, name: str, error: np.ndarray, sigma=(np.nan,) * 3) -> list[dict]:
     return [
         run.row(ARTEFACT, name, f"error_{angle}", "deg", np.rad2deg(e), np.rad2deg(s))
         for angle, e, s in zip(ANGLES, error, sigma, strict=True)
     ]
 
 
-def bound_rows(run: Run, known: Known, survey: Survey, found: RoofSurvey) -> list[dict]:
+def bound_rows(run: SurveyKey, known: Known, survey: Survey, found: PlaneSurvey) -> list[dict]:
     """The Cramer-Rao bound of each angle, as a standard deviation."""
     if known.noise is None:
         return []
@@ -137,11 +137,11 @@ def bound_rows(run: Run, known: Known, survey: Survey, found: RoofSurvey) -> lis
 
 
 def accuracy_rows(
-    run: Run, known: Known, points: Candidates, found: RoofSurvey,
+    run: SurveyKey, known: Known, found: PlaneSurvey,
     mountings: dict[str, Mounting], survey: Survey,
 ) -> list[dict]:  # fmt: skip
     """RMSE, distributions and vertical offsets of every mounting, by truth and by the reference."""
-    _, planes = known.judge(found.views(points))
+    _, planes = known.judge(found.views)
     first = np.searchsorted(found.tie_planes.plane, np.arange(found.tie_planes.n_planes))
     references = {"truth": ReferencePlanes(planes[first])}
     references["reference"] = reference_planes(found, reference_roofs(survey.reference))
@@ -190,9 +190,7 @@ def with_wrong_match(tie_planes: TiePlanes, mounting: Mounting) -> TiePlanes:
 
 def _likeliest(tie_planes: TiePlanes, mounting: Mounting) -> tuple[int, int]:
     """The face to be moved, and the plane that it is moved to."""
-    unknowns = Unknowns.layout(mounting, int(tie_planes.rays.ring.max()) + 1, "none")
-    faces = face_states(tie_planes.rays, tie_planes.ranges, unknowns, unknowns.start())
-    planes = face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, unknowns.start())
+    faces, planes = tie_planes.states(mounting), tie_planes.plane_states(mounting)
     away = np.linalg.norm(faces.centroid[:, None] - planes.centroid[None], axis=2)
     alike = np.abs(faces.plane[:, :3] @ planes.plane[:, :3].T)
     away[alike < np.cos(np.deg2rad(MOST_BETWEEN_DEG))] = np.inf
@@ -244,7 +242,7 @@ ANGLES_ONLY = Depth(refined=False, wrong=False, accuracy=False, lever_arm=False)
 def measure(
     survey: Survey,
     known: Known,
-    run: Run,
+    run: SurveyKey,
     scenarios: Sequence[str] = SCENARIO_NAMES,
     depth: Depth = Depth(),
 ) -> list[dict]:
@@ -255,7 +253,7 @@ def measure(
     points = find_candidates(survey)
     found = find_roofs(survey, points)
     truth = known.mounting.boresight
-    rows = [*survey_rows(run, known, survey), *matching_rows(run, known, points, found)]
+    rows = [*survey_rows(run, known, survey), *matching_rows(run, known, found)]
     rows += error_rows(run, "before", survey.mounting.boresight - truth)
     results = _calibrated(rows, run, survey, found, truth, scenarios)
     mountings = {"before": survey.mounting, "truth": known.mounting}
@@ -269,13 +267,18 @@ def measure(
     if depth.wrong:
         rows += _wrong_match_rows(run, survey, found, truth, scenarios)
     if depth.accuracy:
-        rows += accuracy_rows(run, known, points, found, mountings, survey)
+        rows += accuracy_rows(run, known, found, mountings, survey)
     return rows
 
 
 def _calibrated(
-    rows: list[dict], run: Run, survey: Survey, found: RoofSurvey, truth: np.ndarray, scenarios
-) -> dict[str, CalibrationResult]:
+    rows: list[dict],
+    run: SurveyKey,
+    survey: Survey,
+    found: PlaneSurvey,
+    truth: np.ndarray,
+    scenarios,
+) -> dict[str, CalibrationResult]:  # fmt: skip
     results = {}
     for name in scenarios:
         result = _attempt(rows, run, name, calibrate, survey, found.tie_planes, name)
@@ -286,7 +289,7 @@ def _calibrated(
 
 
 def _refined(
-    rows: list[dict], run: Run, survey: Survey, points: Candidates, truth: np.ndarray, results
+    rows: list[dict], run: SurveyKey, survey: Survey, points: Candidates, truth: np.ndarray, results
 ) -> dict[str, Mounting]:
     """Rows, and mountings by name, of the paper's scenarios after their refinement."""
     mountings = {}
@@ -302,7 +305,7 @@ def _refined(
 
 
 def _mistaken_rows(
-    run: Run, survey: Survey, found: RoofSurvey, truth: np.ndarray, factors: Sequence[float]
+    run: SurveyKey, survey: Survey, found: PlaneSurvey, truth: np.ndarray, factors: Sequence[float]
 ) -> list[dict]:
     """Scenario D told a GNSS/INS specification that is wrong by each of ``factors``."""
     rows: list[dict] = []
@@ -326,7 +329,7 @@ def _mistaken_rows(
     return rows
 
 
-def _lever_arm_rows(run: Run, known: Known, survey: Survey, found: RoofSurvey) -> list[dict]:
+def _lever_arm_rows(run: SurveyKey, known: Known, survey: Survey, found: PlaneSurvey) -> list[dict]:
     """Scenario D told a lever arm that is wrong, and asked for it."""
     rows: list[dict] = []
     told = replace(survey.mounting, lever_arm=survey.mounting.lever_arm + WRONG_LEVER_ARM)
@@ -344,7 +347,7 @@ def _lever_arm_rows(run: Run, known: Known, survey: Survey, found: RoofSurvey) -
     return rows
 
 
-def _attempt(rows: list[dict], run: Run, name: str, function: Callable, *args, **options):
+def _attempt(rows: list[dict], run: SurveyKey, name: str, function: Callable, *args, **options):
     """What ``function`` gives, or None and a row in ``rows`` that says that ``name`` failed."""
     start = time.process_time()
     try:
@@ -357,7 +360,7 @@ def _attempt(rows: list[dict], run: Run, name: str, function: Callable, *args, *
 
 
 def _wrong_match_rows(
-    run: Run, survey: Survey, found: RoofSurvey, truth: np.ndarray, scenarios: Sequence[str]
+    run: SurveyKey, survey: Survey, found: PlaneSurvey, truth: np.ndarray, scenarios: Sequence[str]
 ) -> list[dict]:
     """Errors with one wrong match: taken as it is, and screened."""
     rows: list[dict] = []

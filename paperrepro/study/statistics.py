@@ -2,8 +2,6 @@
 
 Everything is compared over seeds: a survey is one independent sample, its thousands of points are
 not. Intervals are bootstrapped over surveys, or exact for shares of surveys.
-
-What the sigma of each scenario promise and what they hold, over many surveys.
 """
 
 from collections.abc import Callable
@@ -13,8 +11,9 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from paperrepro.frames import ANGLES
-from paperrepro.study.simulated import ARTEFACT, BOUND, FAILED
+from paperrepro.method.accuracy import rmse
+from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES
+from paperrepro.study.rows import ANGLES, ARTEFACT, BOUND, COLUMNS, FAILED
 
 #: Fewer surveys of a setting than this support no verdict.
 LEAST_SEEDS = 20
@@ -196,11 +195,80 @@ def _of_metric(rows: pd.DataFrame, metric: str) -> pd.DataFrame:
 
 def _promise(group: pd.DataFrame) -> list[float]:
     known = group.dropna(subset="bound")
-    bound = _rms(known.bound)
+    bound = rmse(known.bound)
     held = group.value.abs() <= TWO_SIDED * group.sigma
-    over = _rms(known.value) / bound if len(known) else np.nan
-    return [len(group), _rms(group.value), _rms(group.sigma), bound, over, held.mean()]
+    over = rmse(known.value) / bound if len(known) else np.nan
+    return [len(group), rmse(group.value), rmse(group.sigma), bound, over, held.mean()]
 
 
-def _rms(values: pd.Series) -> float:
-    return float(np.sqrt(np.square(values).mean()))
+#: What the surveys that are averaged have in common beside the noise; and what a sweep varies more.
+SETTING = ["preset", "profile"]
+TRUTH = "truth"
+OFFSETS = {"offset_reference": "offset_mean_reference", "offset_truth": "offset_mean_truth"}
+_MEASURED = ["error_deg", "sigma_deg", "held", *OFFSETS, "beats_sl"]
+
+
+def survey_table(rows: pd.DataFrame) -> pd.DataFrame:
+    """One line for each survey and scenario: setting, noise_scale, seed, scenario;
+
+    error_deg and sigma_deg, the boresight error and its formal sigma over all three angles; held,
+    the share of the angles whose 95 % interval holds the truth; offset_reference and offset_truth,
+    the mean absolute vertical offset at the virtual points (m); beats_sl, 1 where the error is
+    smaller than that of SL, [11], in the same survey, else 0.
+    """
+    rows = rows[(rows.artefact == ARTEFACT) & rows.scenario.isin((*SCENARIO_NAMES, TRUTH))]
+    setting = SETTING + [name for name in rows if name not in COLUMNS]
+    parts = [
+        _of_setting(part).assign(**dict(zip(setting, key, strict=True)))
+        for key, part in rows.groupby(setting)
+    ]
+    names = [*setting, "noise_scale", "seed", "scenario", *_MEASURED]
+    return pd.concat(parts, ignore_index=True)[names] if parts else pd.DataFrame(columns=names)
+
+
+def _of_setting(rows: pd.DataFrame) -> pd.DataFrame:
+    keys = ["noise_scale", "seed", "scenario"]
+    values = rows.pivot_table(index=keys, columns="metric", values="value")
+    angles = rows[rows.metric.isin([f"error_{a}" for a in ANGLES]) & (rows.scenario != TRUTH)]
+    squares = angles.assign(error_deg=angles.value**2, sigma_deg=angles.sigma**2).groupby(keys)
+    sizes = np.sqrt(squares[["error_deg", "sigma_deg"]].sum(min_count=len(ANGLES)))
+    table = sizes.reindex(values.index)
+    for name, metric in OFFSETS.items():
+        table[name] = values.get(metric, np.nan)
+    angles = angles.dropna(subset="sigma")
+    held = angles.assign(value=angles.value.abs() <= TWO_SIDED * angles.sigma)
+    table["held"] = held.groupby(keys).value.mean()
+    others = table.error_deg.unstack().reindex(columns=SCENARIO_NAMES)
+    of_sl = others.pop("SL")
+    beats = others.lt(of_sl, axis=0).where(others.notna().mul(of_sl.notna(), axis=0))
+    table["beats_sl"] = beats.stack().astype(float)
+    return table.reset_index()
+
+
+def curve_table(
+    surveys: pd.DataFrame, columns: dict[str, Callable[[np.ndarray], Interval]]
+) -> pd.DataFrame:
+    """Over the seeds of each setting, noise and scenario: setting, noise_scale, scenario, quantity,
+    surveys, value, low, high. ``columns`` of a `survey_table` with what makes an interval of one,
+    `of_mean` or `of_share`."""
+    lines = []
+    names = [name for name in surveys if name not in _MEASURED and name != "seed"]
+    for key, part in surveys.groupby(names):
+        for column, interval in columns.items():
+            values = part[column].dropna().to_numpy()
+            if len(values):
+                span = interval(values)
+                lines.append([*key, column, len(values), span.value, span.low, span.high])
+    return pd.DataFrame(lines, columns=[*names, "quantity", "surveys", "value", "low", "high"])
+
+
+def of_mean(values: np.ndarray) -> Interval:
+    """Mean with its 95 % bootstrap interval over surveys; of one survey no interval is known."""
+    return bootstrap(values) if len(values) > 1 else Interval(float(values[0]), np.nan, np.nan)
+
+
+def of_share(values: np.ndarray) -> Interval:
+    """Mean share with the exact 95 % interval of as many whole surveys: the three angles of one
+    survey are one sample."""
+    span = binomial(round(values.sum()), len(values))
+    return Interval(float(values.mean()), span.low, span.high)

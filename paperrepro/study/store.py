@@ -15,8 +15,7 @@ from filelock import FileLock, Timeout
 
 from paperrepro.errors import BadInput
 from paperrepro.study.grid import Point
-from paperrepro.study.rows import COLUMNS, Run, frame, write_csv
-from paperrepro.study.simulated import ARTEFACT, FAILED
+from paperrepro.study.rows import ARTEFACT, COLUMNS, FAILED, SurveyKey, frame, write_csv
 
 RUNS, ROWS, FAILURES, ABOUT = "runs", "sweep", "failed", "sweep.json"
 
@@ -123,10 +122,10 @@ def _tidy(rows: str) -> pd.DataFrame:
 
 def _failed_row(point: Point) -> pd.DataFrame:
     """The row of a survey that could not be measured; none where the run is of no survey."""
-    names = Run.__dataclass_fields__
+    names = SurveyKey.__dataclass_fields__
     if not set(names) <= set(point.parameters):
         return frame([])
-    run = Run(**{name: point.parameters[name] for name in names})
+    run = SurveyKey(**{name: point.parameters[name] for name in names})
     return frame([run.row(ARTEFACT, "all", FAILED, "1", 1)])
 
 

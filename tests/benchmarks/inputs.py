@@ -7,7 +7,7 @@ import numpy as np
 
 from data_synth import simulate
 from data_synth.presets import SimulationConfig
-from paperrepro.method.coarse_to_fine import Candidates, RoofSurvey, find_candidates, find_roofs
+from paperrepro.method.coarse_to_fine import Candidates, PlaneSurvey, find_candidates, find_roofs
 from paperrepro.method.georeference import georeference
 from paperrepro.method.ground import progressive_morphological_filter
 from paperrepro.method.outliers import statistical_outliers
@@ -65,6 +65,6 @@ class Inputs:
         return find_candidates(self.survey)
 
     @cached_property
-    def found(self) -> RoofSurvey:
+    def found(self) -> PlaneSurvey:
         """Roofs of all strips, matched."""
         return find_roofs(self.survey, self.candidates)

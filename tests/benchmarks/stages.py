@@ -63,7 +63,7 @@ def ground_filter(inputs: Inputs) -> Row:
 def plane_growing(inputs: Inputs) -> Row:
     """Normals and region growing on all that the ground filter leaves, not thinned, beside normals
     and planar patches by Open3D."""
-    params = RoofParameters.fine().growing
+    params = RoofParameters().growing
     group = np.zeros(len(inputs.objects), dtype=int)
 
     def grown():
@@ -78,11 +78,11 @@ def plane_growing(inputs: Inputs) -> Row:
 
 def roofs(inputs: Inputs) -> Iterator[Row]:
     """The chain from the points of one strip that may lie on a roof, and the matching of all."""
-    params = RoofParameters.fine()
+    params = RoofParameters()
     (ours,) = timed(lambda: extract(inputs.objects, params, np.random.default_rng(0)))
     yield row("roofs", inputs.every, len(inputs.objects), ours)
     found = inputs.found
-    (ours,) = timed(lambda: match(found.roofs, MatchParameters.fine()))
+    (ours,) = timed(lambda: match(found.surfaces, MatchParameters.fine()))
     yield row("matching", inputs.every, len(found.tie_planes.rays), ours)
 
 

@@ -10,8 +10,9 @@ import sys
 import tempfile
 import time
 
+from paperrepro.method import calibrate_all, refine_all
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES
-from paperrepro.method.coarse_to_fine import calibrate_all, find_candidates, find_roofs, refine_all
+from paperrepro.method.coarse_to_fine import find_candidates, find_roofs
 from tests.benchmarks.inputs import Inputs
 
 

@@ -7,9 +7,11 @@ import pytest
 
 from data_synth import ObjectClass
 from data_synth.buildings import Plot
-from data_synth.farm import MAX_SLOPE, N_GABLE, build_farm
+from data_synth.farm import Layout, build_farm
+from data_synth.terrain import MAX_SLOPE
 
 SEEDS = (0, 1, 2, 3, 4)
+N_GABLE = Layout().n_gable
 
 
 @pytest.fixture(scope="module", params=SEEDS)
@@ -74,7 +76,8 @@ def test_planes_hold_their_triangles(scene):
 
 def test_everything_is_there(scene):
     present = set(scene.triangle_class.tolist())
-    assert set(ObjectClass) - present <= {ObjectClass.DORMER, ObjectClass.DUST}
+    of_yards = {ObjectClass.CAR, ObjectClass.CONTAINER, ObjectClass.HEAP}
+    assert set(ObjectClass) - present - of_yards <= {ObjectClass.DORMER, ObjectClass.DUST}
 
 
 def test_azimuths_and_pitches_vary(scene):
@@ -90,3 +93,25 @@ def test_a_plot_knows_its_distance_and_neighbours():
     assert plot.clear_of(Plot(10.0, 10.0, np.pi / 2, 8.0, 4.0), 0.9)
     assert not plot.clear_of(Plot(10.0, 10.0, np.pi / 2, 8.0, 4.0), 1.1)
     assert not plot.clear_of(Plot(12.0, 6.0, 0.3, 8.0, 4.0), 0.0)
+
+
+def test_the_default_layout_is_three_rows_of_five():
+    layout = Layout()
+    expected = [(x, y) for x in (-72.0, -36.0, 0.0, 36.0, 72.0) for y in (-38.0, 0.0, 38.0)]
+    assert layout.sites == expected
+    assert layout.n_gable == 12
+    assert layout.middle == 0.0
+    np.testing.assert_array_equal(layout.extent, (100.0, 62.0))
+    np.testing.assert_array_equal(layout.ground_extent, (200.0, 150.0))
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (2, 4), (5, 6)])
+def test_other_layouts_have_their_houses_apart_and_on_the_ground(rows, columns):
+    layout = Layout(rows, columns)
+    scene = build_farm(np.random.default_rng(1), layout=layout)
+    assert len(scene.faces) == 2 * (rows * columns - rows * columns // 5)
+    plans = [footprint(scene, number) for number in range(layout.n_gable)]
+    assert all(apart(a, b) for a, b in combinations(plans, 2))
+    assert (np.abs(np.concatenate(plans)) < layout.extent).all()
+    ground = scene.vertices[scene.triangles[scene.triangle_class == ObjectClass.GROUND]]
+    assert (np.abs(ground).max(axis=(0, 1))[:2] >= layout.ground_extent).all()

@@ -6,10 +6,17 @@ import numpy as np
 import pytest
 
 from data_synth.flight import (
+    EAST,
     HEIGHT,
     LINE_LENGTH,
+    NORTH,
+    SOUTH,
     SPEED,
     SWATH,
+    TABLE_1,
+    FlightPlan,
+    PlannedLine,
+    covering,
     direction_words,
     flight_plan,
     fly,
@@ -105,3 +112,60 @@ def test_motion_and_record_agree_at_the_record(motion):
     pose = motion.at(record.time[some])
     np.testing.assert_allclose(pose[:, :3], record.position[some], atol=1e-9)
     np.testing.assert_allclose(pose[:, 3:], record.attitude[some], atol=1e-10)
+
+
+def test_gusts_and_vibration_scale_the_same_motion():
+    time = np.arange(0.0, 400.0, 0.02)
+    calm, plain, rough = (
+        draw_disturbance(np.random.default_rng(0), gusts, vibration)
+        for gusts, vibration in ((0.0, 1.0), (1.0, 1.0), (2.0, 3.0))
+    )
+    np.testing.assert_allclose(rough.amplitude[:, :12], 2 * plain.amplitude[:, :12])
+    np.testing.assert_allclose(rough.amplitude[:, 12:], 3 * plain.amplitude[:, 12:])
+    np.testing.assert_array_equal(rough.phase, plain.phase)
+    np.testing.assert_allclose(calm.at(time)[0].std(axis=0), VIBRATION_RMS, rtol=0.05)
+
+
+def test_a_plan_of_two_lines_higher_up():
+    plan = FlightPlan(
+        (PlannedLine("A", -0.25, NORTH), PlannedLine("B", 0.25, SOUTH)), 100.0, 50.0, 6.0
+    )
+    a, b = flight_plan(plan)
+    swath = 2 * 50.0 * np.tan(np.radians(60.0))
+    np.testing.assert_allclose(a.start, (-0.25 * swath, -50.0), atol=1e-9)
+    np.testing.assert_allclose(b.velocity, (0.0, -6.0), atol=1e-12)
+    assert overlap(a, b) == pytest.approx(0.5)
+    assert direction_words(a, b) == "North-South"
+    motion = fly((a, b), np.random.default_rng(0))
+    pose = motion.course(np.array([a.start_time, b.end_time]))
+    np.testing.assert_allclose(pose[:, 2], 50.0)
+    np.testing.assert_allclose(pose[1, :2], b.end, atol=1e-9)
+
+
+def test_some_lines_of_a_plan():
+    assert [line.name for line in flight_plan(TABLE_1.only("F7", "F2"))] == ["F2", "F7"]
+
+
+def test_a_covering_plan_covers():
+    lines = flight_plan(covering(160.0, 130.0, 0.6))
+    north = [line for line in lines if line.heading in (NORTH, SOUTH)]
+    swaths = [line.swath()[:, 0] for line in north]
+    assert min(low for low, _ in swaths) <= -160.0
+    assert max(high for _, high in swaths) >= 160.0
+    assert all(overlap(a, b) == pytest.approx(0.6) for a, b in pairwise(north))
+    assert lines[len(north)].heading == EAST
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: FlightPlan(()),
+        lambda: FlightPlan((PlannedLine("A", 0.0, NORTH), PlannedLine("A", 0.3, NORTH))),
+        lambda: FlightPlan((PlannedLine("A", 0.0, 0.5),)),
+        lambda: FlightPlan((PlannedLine("A", 0.0, NORTH),), height=0.0),
+        lambda: TABLE_1.only("F9"),
+    ],
+)
+def test_a_plan_that_cannot_be_flown_is_refused(wrong):
+    with pytest.raises(BadInput):
+        wrong()

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from data_synth import ObjectClass, make_config, simulate
-from data_synth.farm import build_farm, draw_ground
+from data_synth.farm import build_farm
 from data_synth.forest import N_TREES, SITES, STAND_EXTENT, STEM_SPACING, build_forest, draw_stand
 from data_synth.presets import SCENES
 from data_synth.simulation import BUILDERS
+from data_synth.terrain import draw_ground
 
 
 @pytest.fixture(scope="module")

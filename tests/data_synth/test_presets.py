@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from data_synth import PRESETS, PROFILES, SimulationConfig, make_config
-from data_synth.presets import SCENES
+from data_synth.navigation import NAVIGATION
+from data_synth.presets import NOT_NEGATIVE, SCENES, TERRAINS
+from data_synth.surfaces import ROOF_SURFACES
 from paperrepro.errors import BadInput
 
 
@@ -13,18 +15,36 @@ def test_default_is_the_quick_survey_of_a_hand_mounted_scanner():
 
 
 @pytest.mark.parametrize(
-    ("field", "choices"), [("preset", PRESETS), ("profile", PROFILES), ("scene", SCENES)]
+    ("field", "choices"),
+    [
+        ("preset", PRESETS),
+        ("profile", PROFILES),
+        ("scene", SCENES),
+        ("terrain", TERRAINS),
+        ("navigation", NAVIGATION),
+        ("roof_surface", ROOF_SURFACES),
+    ],
 )
 def test_unknown_choice_names_the_choices(field, choices):
     with pytest.raises(BadInput, match=f"{field}: expected one of {', '.join(choices)}, got 'x'"):
         make_config(**{field: "x"})
 
 
-@pytest.mark.parametrize("field", ["noise_scale", "range_offset_sigma_m"])
+@pytest.mark.parametrize("field", NOT_NEGATIVE)
 @pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
-def test_a_sigma_is_a_number_not_negative(field, value):
+def test_an_amount_is_a_number_not_negative(field, value):
     with pytest.raises(BadInput, match=field):
         make_config(**{field: value})
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("clock_delay_s", 1.0), ("clock_delay_s", np.nan), ("range_scale_ppm", -2e5)],
+)
+def test_what_has_a_sign_stays_within_bounds(field, value):
+    with pytest.raises(BadInput, match=field):
+        make_config(**{field: value})
+    assert getattr(make_config(**{field: -0.001}), field) == -0.001
 
 
 @pytest.mark.parametrize("seed", [-1, 0.5])
@@ -43,3 +63,17 @@ def test_boresight_overrides_the_preset_and_stays_hashable():
     config = make_config(boresight_deg=[0.1, 0.2, 0.3])
     np.testing.assert_allclose(np.degrees(config.boresight), (0.1, 0.2, 0.3))
     assert hash(config) == hash(make_config(boresight_deg=(0.1, 0.2, 0.3)))
+
+
+@pytest.mark.parametrize(
+    "sites",
+    [
+        {"site_rows": 0},
+        {"site_columns": 2.5},
+        {"scene": "yard", "site_rows": 4},
+    ],
+)
+def test_sites_are_whole_rows_and_columns_of_the_farm(sites):
+    with pytest.raises(BadInput, match="site_"):
+        make_config(**sites)
+    assert make_config(site_rows=4).site_columns == 5

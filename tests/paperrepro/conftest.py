@@ -15,7 +15,7 @@ class Flown:
         self.survey, self.truth = cached(simulate, make_config(**config))
         self.points = cached(find_candidates, self.survey)
         self.found = cached(find_roofs, self.survey, self.points)
-        self.views = judge_views(self.survey, self.truth, self.found.views(self.points))
+        self.views = judge_views(self.survey, self.truth, self.found.views)
 
 
 @pytest.fixture(scope="session")

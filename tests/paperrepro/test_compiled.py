@@ -10,7 +10,7 @@ from data_synth import raycast
 from paperrepro import _compiled
 from paperrepro._compiled import TASKS, over_threads, source_key
 from paperrepro.method import georeference
-from paperrepro.method.adjustment import conditions
+from paperrepro.method.adjustment import kernels
 
 PACKAGE = Path(paperrepro.__file__).parent
 
@@ -44,7 +44,7 @@ def test_a_source_without_kernels_does_not_matter(package):
 
 
 @pytest.mark.parametrize(
-    "kernel", [georeference._georeference, conditions._point_blocks, raycast._distances]
+    "kernel", [georeference._georeference, kernels.sum_points, raycast._distances]
 )
 def test_compiled_kernels_lie_in_the_folder_of_the_key(kernel):
     assert f"kernels-{source_key(PACKAGE)}" in Path(kernel.stats.cache_path).parts

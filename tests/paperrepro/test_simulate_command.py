@@ -10,7 +10,7 @@ from paperrepro.cli import main
 from paperrepro.flight.geodesy import LocalFrame
 from paperrepro.flight.read import read_flight
 from paperrepro.method.adjustment.calibrate import calibrate
-from paperrepro.method.coarse_to_fine import find_candidates, find_roofs
+from paperrepro.method.coarse_to_fine import find_roofs
 
 NAMES = [f"F{k}.laz" for k in range(1, 9)] + ["mission.sbet", "mounting.toml", "truth.json"]
 
@@ -25,7 +25,7 @@ def boresight_of(folder):
     flight = read_flight(
         sorted(folder.glob("*.laz")), folder / "mission.sbet", folder / "mounting.toml"
     )
-    found = find_roofs(flight.survey, find_candidates(flight.survey))
+    found = find_roofs(flight.survey)
     return np.degrees(calibrate(flight.survey, found.tie_planes, "SL").boresight), flight
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from paperrepro.errors import BadInput
 from paperrepro.method.adjustment import scenarios, trajectory_errors
 from paperrepro.method.adjustment.result import CalibrationResult
-from paperrepro.method.adjustment.screening import screen
+from paperrepro.method.adjustment.screening import Screening, screen
 from paperrepro.method.tie_planes import TiePlanes, require_shared
 from paperrepro.survey import Survey
 
@@ -20,34 +20,65 @@ def calibrate(
     robust: bool = True,
     components: bool = False,
     lever_arm: bool = False,
+    screening: Screening | None = None,
 ) -> CalibrationResult:
-    """Estimate the boresight by ``scenario``, from ``survey.mounting``'s as start.
+    """Estimate the boresight, and what else the scenario asks for, in a Gauss-Helmert adjustment.
 
-    ``robust``: faces that miss their plane are left out first, and reported (`screening`).
-    ``components``: scenario D estimates variance components; ``lever_arm``: and the lever arm,
-    which the others hold. `Observability.undetermined` names the angles that the flight does not
-    determine, whatever sigma the scenario has for them. Raises `BadInput` for an unknown scenario,
-    `TooFewPlanes`, `RankDefect`, `NoConvergence`.
+    Parameters
+    ----------
+    survey : Survey
+        Its mounting is where the iterations start.
+    tie_planes : TiePlanes
+        Faces seen by two strips or more, as `find_roofs` leaves them.
+    scenario : str
+        ``SL`` ([11]), ``A``, ``B``, ``C`` of the paper, or ``D``, ours; with the number of points
+        a face that enter, as in ``B 3`` or ``D 40``, a variant of it (`scenarios.by_name`).
+    robust : bool
+        Faces that miss their plane are left out first, and reported (`screening`).
+    components : bool
+        Scenario D estimates variance components of trajectory and laser.
+    lever_arm : bool
+        Scenario D estimates the lever arm, which the others hold.
+    screening : Screening, optional
+        Of the same faces, where it is known already.
+
+    Returns
+    -------
+    CalibrationResult
+        Its `Observability.undetermined` names the angles that the flight does not determine,
+        whatever sigma the scenario has for them.
+
+    Raises
+    ------
+    BadInput, TooFewPlanes, RankDefect, NoConvergence
+
+    References
+    ----------
+    Section 2.2.4, Eq. (3) to (5) and Table 3 of the paper; Skaloud and Lichti 2006.
     """
-    if scenario not in SCENARIO_NAMES:
+    if not (isinstance(survey, Survey) and isinstance(tie_planes, TiePlanes)):
         raise BadInput(
-            f"scenario {scenario!r}: expected one of {', '.join(SCENARIO_NAMES)}; name one of them"
+            "calibrate: expected a Survey, its TiePlanes and a scenario, got "
+            f"{type(survey).__name__} and {type(tie_planes).__name__}; tie planes are what "
+            "find_roofs(survey).tie_planes holds"
         )
+    estimator = scenarios.by_name(scenario)
     require_shared(tie_planes)
     rejected, near = (), None
     if robust:
-        screening = screen(survey, tie_planes)
+        screening = screening or screen(survey, tie_planes)
         rejected, near = screening.rejected, screening.boresight
         tie_planes = tie_planes.subset(screening.kept) if rejected else tie_planes
-    if scenario == "D":
+    if estimator.trajectory:
+        few = tie_planes.thinned(estimator.points) if estimator.points else tie_planes
         result = trajectory_errors.calibrate_with_trajectory(
-            survey, tie_planes, components=components, near=near, lever_arm=lever_arm
+            survey, few, components=components, near=near, lever_arm=lever_arm
         )
     else:
         result = _judged(
-            survey, tie_planes, scenarios.calibrate(survey, tie_planes, scenario, near)
+            survey, tie_planes, scenarios.calibrate(survey, tie_planes, estimator, near)
         )
-    return replace(result, rejected=rejected)
+    return replace(result, scenario=scenario, rejected=rejected)
 
 
 def _judged(survey: Survey, tie_planes: TiePlanes, result: CalibrationResult) -> CalibrationResult:

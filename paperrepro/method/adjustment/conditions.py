@@ -31,7 +31,9 @@ the eigenvector of least eigenvalue of the scatter ``S(x)``; the derivative of a
 When a Gauss-Newton iteration ends, and how far it settles the observations meanwhile.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -238,6 +240,12 @@ class FaceStates:
     scatter: np.ndarray
 
 
+def last_value(function: Callable) -> Callable:
+    """``function(x)`` of a float array, not computed anew for the values of the call before."""
+    kept = lru_cache(maxsize=1)(lambda x: function(np.frombuffer(x)))
+    return lambda x: kept(np.asarray(x, float).tobytes())
+
+
 def face_states(
     rays: Rays | PreparedRays, ranges: np.ndarray, unknowns: Unknowns, x: np.ndarray
 ) -> FaceStates:
@@ -318,7 +326,7 @@ def centroid_blocks(
         [np.einsum("ka,kau->ku", n, states.J_centroid[face]), relative, -np.ones((len(face), 1))],
         axis=1,
     )
-    w = np.einsum("ka,ka->k", n, relative) - d
+    w = np.einsum("ka,ka->k", n, relative) - d  # Eq. (5)
     size = row.shape[1]
     N, t = np.zeros((len(planes), size, size)), np.zeros((len(planes), size))
     chi2, count = np.zeros(len(planes)), np.zeros(len(planes), int)

@@ -157,8 +157,8 @@ def _linearise(position, turns, r, plane, origin, R_l_b, turn_axes, lever, v, b,
     _, _, _, _, sh, ch, sa, ca, sb, cb = turns
     r += v[6]
     R = body_to_map(turns)
-    x, y, z = body_ray(turns, r, R_l_b)
-    X, Y, Z = x + lever[0], y + lever[1], z + lever[2]
+    x, y, z = body_ray(turns, r, R_l_b)  # Eq. (2)
+    X, Y, Z = x + lever[0], y + lever[1], z + lever[2]  # Eq. (1), b-frame
     e = R[0][0] * X + R[0][1] * Y + R[0][2] * Z
     n = R[1][0] * X + R[1][1] * Y + R[1][2] * Z
     u = R[2][0] * X + R[2][1] * Y + R[2][2] * Z
@@ -184,7 +184,7 @@ def _linearise(position, turns, r, plane, origin, R_l_b, turn_axes, lever, v, b,
     row[4] = position[0] + v[0] + e - origin[0]
     row[5] = position[1] + v[1] + n - origin[1]
     row[6] = position[2] + v[2] + u - origin[2]
-    return plane[0] * row[4] + plane[1] * row[5] + plane[2] * row[6] - plane[3]
+    return plane[0] * row[4] + plane[1] * row[5] + plane[2] * row[6] - plane[3]  # Eq. (4)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -4,10 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from paperrepro.errors import BadInput
+from paperrepro.frames import ANGLES, AXIS_WORDS
 from paperrepro.method.adjustment.observability import Observability
 from paperrepro.method.adjustment.quality import Reliability
 from paperrepro.method.adjustment.trajectory_equations import LeverArm
-from paperrepro.method.tie_planes import Rejection
+from paperrepro.method.georeference import georeference
+from paperrepro.method.tie_planes import Rejection, TiePlanes
 from paperrepro.survey import Mounting, Rays
 
 
@@ -26,7 +29,7 @@ class TrajectoryErrors:
         return replace(rays, pose=rays.pose + np.column_stack(shift))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CalibrationResult:
     """Boresight (3,) rad and range offsets (rings,) m or None, with what is needed to judge them.
 
@@ -48,7 +51,6 @@ class CalibrationResult:
     sigma0: float
     dof: int
     iterations: int
-    converged: bool
     n_points: int
     n_conditions: int
     rms_before: np.ndarray
@@ -88,6 +90,65 @@ class CalibrationResult:
         """(u, u)."""
         sigma = np.sqrt(np.diag(self.covariance))
         return self.covariance / np.outer(sigma, sigma)
+
+    def residuals(self, tie_planes: TiePlanes) -> np.ndarray:
+        """Signed distances (N,), m, of the points from their planes, as adjusted: under the
+        estimated mounting and, of scenario D, with the trajectory's errors removed.
+
+        Parameters
+        ----------
+        tie_planes : TiePlanes
+            Those that went into the adjustment; of one with ``rejected`` faces, those kept.
+
+        Raises
+        ------
+        BadInput
+            Where they are others.
+        """
+        if tie_planes.n_planes != self.n_planes or len(tie_planes.rays) != self.n_points:
+            raise BadInput(
+                f"residuals: expected the {self.n_planes} planes and {self.n_points} points of "
+                f"this adjustment, got {tie_planes.n_planes} and {len(tie_planes.rays)}; leave out "
+                "the rejected faces with TiePlanes.subset"
+            )
+        rays = tie_planes.rays
+        rays = rays if self.trajectory is None else self.trajectory.apply(rays)
+        plane = self.planes[tie_planes.plane_of_point]
+        p_m = georeference(rays, self.calibrated)
+        return np.einsum("na,na->n", p_m, plane[:, :3]) - plane[:, 3]  # n . p - d, Eq. (4)
+
+    def residuals_of_views(self, tie_planes: TiePlanes) -> np.ndarray:
+        """Mean residual (F,), m, of each view, a face as one strip shows it; see `residuals`."""
+        sums = np.add.reduceat(self.residuals(tie_planes), tie_planes.ranges[:, 0])
+        return sums / np.diff(tie_planes.ranges, axis=1)[:, 0]
+
+    def summary(self) -> str:
+        """Lines for a reader: the angles with their sigma, the fit, what is weak."""
+        angles = [
+            f"  {name:5s} {np.degrees(value):+9.4f}° ± {np.degrees(sigma):.4f}°  ({axis})"
+            for name, value, sigma, axis in zip(
+                ANGLES, self.boresight, self.sigma, AXIS_WORDS, strict=True
+            )
+        ]
+        fit = (
+            f"  {self.n_planes} planes, {self.n_points} points, sigma0 {self.sigma0:.2f}, RMSE "
+            f"{100 * self.rmse_before:.1f} cm before, {100 * self.rmse_after:.1f} cm after"
+        )
+        return "\n".join([f"scenario {self.scenario}", *angles, fit, f"  {self.observability}"])
+
+    def __repr__(self) -> str:
+        angles = ", ".join(
+            f"{name} {np.degrees(value):.4f} ± {np.degrees(sigma):.4f}°"
+            for name, value, sigma in zip(ANGLES, self.boresight, self.sigma, strict=True)
+        )
+        weak = ", ".join(self.observability.undetermined) or "nothing"
+        return (
+            f"CalibrationResult({self.scenario}: {angles}; {self.n_planes} planes, "
+            f"{self.n_points} points, sigma0 {self.sigma0:.2f}, not determined: {weak})"
+        )
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{self.summary()}</pre>"
 
     @property
     def rmse_before(self) -> float:

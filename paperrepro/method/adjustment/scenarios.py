@@ -1,4 +1,4 @@
-"""SL, A, B, C: four estimators of the same boresight from the same matched faces.
+"""SL, A, B, C, and D: estimators of the same boresight from the same matched faces.
 
 =====  ==========================  ======================  =========================
 name   unknowns                    planes                  conditions
@@ -25,17 +25,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from paperrepro.errors import BadInput, TooFewPlanes
-from paperrepro.method.adjustment import conditions as eq5
-from paperrepro.method.adjustment import screening
 from paperrepro.method.adjustment.conditions import (
     SETTLED,
     FaceStates,
     PlaneNormals,
     PreparedRays,
     Unknowns,
+    centroid_blocks,
+    centroid_variances,
     face_states,
+    last_value,
     observation_variances,
     point_blocks,
+    virtual_jacobians,
 )
 from paperrepro.method.adjustment.gauss_helmert import (
     PriorObservations,
@@ -54,25 +56,33 @@ class Scenario:
     """An estimator by what it estimates and on what conditions.
 
     ``range_offsets`` is ``none``, ``common`` or ``per_ring``; ``free_planes``: unknowns, else taken
-    from the reference strip of each pair; ``points``: Eq. (4); ``centroids``: Eq. (5).
+    from the reference strip of each pair; ``points`` of a face that enter Eq. (4), evenly spaced,
+    or None for all; ``centroids``: Eq. (5); ``trajectory``: its errors are unknowns too.
     """
 
     name: str
     range_offsets: str
     free_planes: bool
-    points: bool
+    points: int | None
     centroids: bool
+    trajectory: bool = False
+
+    @property
+    def has_points(self) -> bool:
+        return self.points != 0
 
 
 SCENARIOS = {
     s.name: s
     for s in (
-        Scenario("SL", "none", free_planes=True, points=True, centroids=False),
-        Scenario("A", "none", free_planes=False, points=False, centroids=True),
-        Scenario("B", "per_ring", free_planes=False, points=True, centroids=True),
-        Scenario("C", "per_ring", free_planes=True, points=True, centroids=True),
+        Scenario("SL", "none", free_planes=True, points=None, centroids=False),
+        Scenario("A", "none", free_planes=False, points=0, centroids=True),
+        Scenario("B", "per_ring", free_planes=False, points=None, centroids=True),
+        Scenario("C", "per_ring", free_planes=True, points=None, centroids=True),
     )
 }
+#: Ours, `trajectory_errors`.
+D = Scenario("D", "per_ring", free_planes=True, points=None, centroids=False, trajectory=True)
 
 
 def calibrate(
@@ -85,29 +95,41 @@ def calibrate(
 
     Raises `BadInput` for an unknown scenario, `TooFewPlanes`, `RankDefect`, `NoConvergence`.
     """
-    model = _Model.prepare(survey, tie_planes, _by_name(scenario))
+    scenario = scenario if isinstance(scenario, Scenario) else by_name(scenario)
+    model = _Model.prepare(survey, tie_planes, scenario)
     x = model.unknowns.start()
     solution = model.solve(x if near is None else np.r_[near, x[3:]])
     return _result(model, solution)
 
 
-def _by_name(scenario: str | Scenario) -> Scenario:
-    if isinstance(scenario, Scenario):
-        return scenario
-    if scenario not in SCENARIOS:
+def by_name(text: str) -> Scenario:
+    """The scenario of that name; with a number of points a face behind it, as in ``B 3`` or
+    ``SL all``, and ``without offsets``, a variant of it. Raises `BadInput`."""
+    name, *words = text.split() or [""]
+    found = (SCENARIOS | {"D": D}).get(name)
+    offsets = words[-2:] != ["without", "offsets"]
+    words = words if offsets else words[:-2]
+    points = words[0] if len(words) == 1 and (words == ["all"] or words[0].isdecimal()) else None
+    if found is None or (words and points is None) or (found.free_planes and points == "0"):
         raise BadInput(
-            f"scenario {scenario!r}: expected one of {', '.join(SCENARIOS)}; name one of them"
+            f"scenario {text!r}: expected one of {', '.join(SCENARIOS)}, D, perhaps with the points "
+            "a face (B 3, SL all; those with planes as unknowns need one at least) and 'without "
+            "offsets'; name one of them"
         )
-    return SCENARIOS[scenario]
+    if points is not None:
+        found = replace(found, points=None if points == "all" else int(points))
+    if not offsets:
+        found = replace(found, range_offsets="none")
+    return replace(found, name=text)
 
 
 @dataclass(frozen=True)
 class _Model:
     """A scenario's conditions on given faces.
 
-    Condition group ``g`` is a plane (free) or a pair (reference): its points are in rows
-    ``ranges[g]``, its centroid conditions are those with ``centroid_group == g``. ``states`` gives
-    all matched faces at an ``x``, ``before`` all planes at the start.
+    Condition group ``g`` is a plane (free) or a pair (reference): its points are ``observed`` in
+    rows ``ranges[g]``, its centroid conditions are those with ``centroid_group == g``. ``states``
+    gives all matched faces at an ``x``, ``before`` all planes at the start.
     """
 
     tie_planes: TiePlanes
@@ -115,6 +137,7 @@ class _Model:
     unknowns: Unknowns
     variances: np.ndarray
     rays: PreparedRays = field(repr=False)
+    observed: PreparedRays = field(repr=False)
     states: Callable[[np.ndarray], FaceStates]
     before: FaceStates = field(repr=False)
     origin: np.ndarray
@@ -130,11 +153,13 @@ class _Model:
         rays, x = PreparedRays.of(tie_planes.rays), unknowns.start()
         planes = face_states(rays, tie_planes.plane_ranges, unknowns, x)
         require_spread(planes.plane[:, :3])
-        states = screening.for_array(lambda at: face_states(rays, tie_planes.ranges, unknowns, at))
+        states = last_value(lambda at: face_states(rays, tie_planes.ranges, unknowns, at))
+        few = tie_planes.thinned(scenario.points) if scenario.points else tie_planes
+        observed = PreparedRays.of(few.rays) if scenario.points else rays
         faces = np.arange(len(tie_planes.ranges))
         if scenario.free_planes:
             require_width(planes.width, [f"plane {k}" for k in range(tie_planes.n_planes)])
-            layout = planes.centroid, tie_planes.plane_ranges, faces, tie_planes.plane
+            layout = planes.centroid, few.plane_ranges, faces, tie_planes.plane
         else:
             if not len(tie_planes.pairs):
                 raise TooFewPlanes(
@@ -145,13 +170,13 @@ class _Model:
             width = states(x).width[reference]
             require_width(width, [f"face {k} of {tie_planes.strips[k]}" for k in reference])
             origin = planes.centroid[tie_planes.plane[search]]
-            layout = origin, tie_planes.ranges[search], search, np.arange(len(search))
+            layout = origin, few.ranges[search], search, np.arange(len(search))
         weight = np.r_[
             np.zeros(3), np.full(unknowns.size - 3, survey.scanner.range_offset_sigma**-2.0)
         ]
         variances = observation_variances(survey.navigation, survey.scanner)
         pseudo = PriorObservations(np.zeros(unknowns.size), weight)
-        given = tie_planes, scenario, unknowns, variances, rays, states, planes
+        given = tie_planes, scenario, unknowns, variances, rays, observed, states, planes
         return cls(*given, *layout, pseudo, tie_planes.mean_poses())
 
     def solve(self, x: np.ndarray) -> Solution:
@@ -176,10 +201,10 @@ class _Model:
     def blocks(self, x: np.ndarray, planes: np.ndarray, settled: float = SETTLED) -> PlaneNormals:
         """All conditions at ``x`` and ``planes``; ``settled`` m as `sightlines.settle` has it."""
         parts = []
-        if self.scenario.points:
+        if self.scenario.has_points:  # Eq. (4)
             parts.append(
                 point_blocks(
-                    self.rays,
+                    self.observed,
                     self.ranges,
                     self.origin,
                     planes,
@@ -189,22 +214,20 @@ class _Model:
                     settled,
                 )
             )
-        if self.scenario.centroids:
+        if self.scenario.centroids:  # Eq. (5)
             parts.append(self._centroid_blocks(x, planes))
         return parts[0] if len(parts) == 1 else parts[0] + parts[1]
 
     def _centroid_blocks(self, x: np.ndarray, planes: np.ndarray) -> PlaneNormals:
         states = self.states(x)
         face, group = self.centroid_face, self.centroid_group
-        J_l = eq5.virtual_jacobians(states.centroid, self.poses, self.unknowns, x)
+        J_l = virtual_jacobians(states.centroid, self.poses, self.unknowns, x)
         n = planes[group, :3]
-        s = eq5.centroid_variances(n, J_l[face], states.count[face], self.variances)
+        s = centroid_variances(n, J_l[face], states.count[face], self.variances)
         if not self.scenario.free_planes:
             reference = self.tie_planes.pairs[:, 0]
-            s = s + eq5.centroid_variances(
-                n, J_l[reference], states.count[reference], self.variances
-            )
-        return eq5.centroid_blocks(face, group, states, self.origin, planes, s)
+            s = s + centroid_variances(n, J_l[reference], states.count[reference], self.variances)
+        return centroid_blocks(face, group, states, self.origin, planes, s)
 
 
 def _result(model: _Model, solution: Solution) -> CalibrationResult:
@@ -213,7 +236,7 @@ def _result(model: _Model, solution: Solution) -> CalibrationResult:
     after = model.planes(x)
     planes, Q_planes = _planes_in_map(model, solution, after)
     conditions = len(model.centroid_face) * model.scenario.centroids
-    n_points = int(np.diff(model.ranges, axis=1).sum()) * model.scenario.points
+    n_points = int(np.diff(model.ranges, axis=1).sum()) * model.scenario.has_points
     return CalibrationResult(
         scenario=model.scenario.name,
         mounting=model.unknowns.mounting,
@@ -225,7 +248,6 @@ def _result(model: _Model, solution: Solution) -> CalibrationResult:
         sigma0=sigma0,
         dof=solution.dof,
         iterations=solution.iterations,
-        converged=True,
         n_points=len(tie_planes.rays),
         n_conditions=n_points + conditions,
         rms_before=model.before.rms,
@@ -250,7 +272,7 @@ def _planes_in_map(
     return planes, to_map @ solution.Q_planes @ to_map.transpose(0, 2, 1)
 
 
-POINT_TO_PLANE = Scenario("refinement", "none", free_planes=False, points=True, centroids=False)
+POINT_TO_PLANE = Scenario("refinement", "none", free_planes=False, points=None, centroids=False)
 
 
 def orthogonal_projection(p_m: np.ndarray, plane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -263,12 +285,31 @@ def orthogonal_projection(p_m: np.ndarray, plane: np.ndarray) -> tuple[np.ndarra
 
 
 def refine(survey: Survey, tie_planes: TiePlanes, calibrated: Mounting) -> CalibrationResult:
-    """Boresight that minimises Eq. (9), from ``calibrated`` as start; range offsets stay as they
-    are.
+    """Refine the boresight by the point-to-plane model; range offsets stay as they are.
 
-    ``tie_planes``: extracted and matched under ``calibrated``; the first face of a pair gives the
-    points, the second the target plane. Raises as `scenarios.calibrate` does,
-    `TooFewPlanes` for fewer than four planes (section 2.2.5).
+    Parameters
+    ----------
+    survey : Survey
+    tie_planes : TiePlanes
+        Extracted and matched under ``calibrated``; the first face of a pair gives the points, the
+        second the target plane.
+    calibrated : Mounting
+        The result of a calibration, where the iterations start.
+
+    Returns
+    -------
+    CalibrationResult
+
+    Raises
+    ------
+    TooFewPlanes
+        For fewer than four planes.
+    RankDefect, NoConvergence
+
+    References
+    ----------
+    Section 2.2.5, Eq. (6) to (9) of the paper.
     """
+    # Eq. (6), (7): each point is projected on its target plane; Eq. (9): boresight alone
     onto_target = replace(tie_planes, pairs=tie_planes.pairs[:, ::-1])
     return calibrate(replace(survey, mounting=calibrated), onto_target, POINT_TO_PLANE)

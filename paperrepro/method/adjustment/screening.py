@@ -6,14 +6,10 @@ truncated least-squares loss (Yang et al. 2020). A common plane would be no witn
 apart from the others tilts it until it fits. Then, under that boresight, the faces of a plane that
 agree with each other most are kept. A wrong match misses by decimetres to metres, a right one by
 the noise of its trajectory.
-
-Functions that keep their last result, for what estimators ask several times in a row.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache, wraps
-from weakref import ref
 
 import numpy as np
 
@@ -23,37 +19,12 @@ from paperrepro.method.adjustment.conditions import (
     Unknowns,
     centroid_variances,
     face_states,
+    last_value,
     observation_variances,
     virtual_jacobians,
 )
 from paperrepro.method.tie_planes import Rejection, TiePlanes
 from paperrepro.survey import Survey
-
-
-def for_array(function: Callable) -> Callable:
-    """``function(x)`` of a float array, not computed anew for the values of the call before."""
-    kept = lru_cache(maxsize=1)(lambda x: function(np.frombuffer(x)))
-    return lambda x: kept(np.asarray(x, float).tobytes())
-
-
-def for_objects(function: Callable) -> Callable:
-    """``function(one, other)``, not computed anew for the two objects of the call before.
-
-    The objects must not be changed in between; they are not kept alive.
-    """
-    last: list[tuple] = []
-
-    @wraps(function)
-    def remembered(one, other):
-        for of_one, of_other, result in tuple(last):
-            if of_one() is one and of_other() is other:
-                return result
-        result = function(one, other)
-        last[:] = [(ref(one), ref(other), result)]
-        return result
-
-    return remembered
-
 
 #: Two faces agree as long as they miss each other by no more than so many standard deviations.
 LIMIT_SIGMAS = 4.0
@@ -75,12 +46,8 @@ class Screening:
     rejected: tuple[Rejection, ...]
 
 
-@for_objects
 def screen(survey: Survey, tie_planes: TiePlanes) -> Screening:
-    """Find the faces of ``tie_planes`` that do not belong to their planes.
-
-    All scenarios ask it of the same faces, so the last answer is kept.
-    """
+    """Find the faces of ``tie_planes`` that do not belong to their planes."""
     pairs = _Pairs.of(survey, tie_planes.thinned(POINTS_PER_FACE))
     x, control = survey.mounting.boresight, None
     weight = np.ones(len(pairs.one))
@@ -124,10 +91,10 @@ class _Pairs:
 
     def __post_init__(self):
         rays, ranges = PreparedRays.of(self.tie_planes.rays), self.tie_planes.ranges
-        states = for_array(lambda x: face_states(rays, ranges, self.unknowns, x))
+        states = last_value(lambda x: face_states(rays, ranges, self.unknowns, x))
         object.__setattr__(self, "poses", self.tie_planes.mean_poses())
         object.__setattr__(self, "states", states)
-        object.__setattr__(self, "look", for_array(self._look))
+        object.__setattr__(self, "look", last_value(self._look))
 
     @classmethod
     def of(cls, survey: Survey, tie_planes: TiePlanes) -> "_Pairs":

@@ -117,7 +117,6 @@ def _result(
         sigma0=float(np.sqrt(chi2 / dof)),
         dof=dof,
         iterations=solution.iterations,
-        converged=True,
         n_points=len(tie_planes.rays),
         n_conditions=len(tie_planes.rays),
         rms_before=face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, start).rms,

@@ -18,11 +18,12 @@ import pytest
 from paperrepro.errors import BadInput
 from paperrepro.figures import pages
 from paperrepro.paper.artefacts import ARTEFACTS, CAPTIONS, Values, caption
-from paperrepro.study.rows import Run, frame
+from paperrepro.paper.verdicts import COLUMNS
+from paperrepro.study.rows import SurveyKey, frame
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 FIGURES = ROOT / "figures"
-RUN = Run("mount", "quick", 1.0, 7)
+RUN = SurveyKey("mount", "quick", 1.0, 7)
 NBSP = "\u00a0"
 HOSTILE = '<script>alert("x")</script> & "quoted"'
 CLAIMS = [
@@ -60,7 +61,7 @@ SVG = (
 @pytest.fixture
 def folder(tmp_path):
     """A few artefacts of each kind, wide and long ones among them."""
-    pd.DataFrame(CLAIMS, columns=list(pages.LEDGER)).to_csv(tmp_path / "claims.csv", index=False)
+    pd.DataFrame(CLAIMS, columns=list(COLUMNS)).to_csv(tmp_path / "claims.csv", index=False)
     rows = [
         RUN.row("fig08", s, metric, unit, value)
         for s in ("SL", "B", "C", "D")
@@ -179,7 +180,7 @@ def test_how_it_was_run(page):
 
 
 def test_rows_of_another_run_are_owned_to(folder):
-    text = pages.page(folder, Run("mount", "quick", 1.0, 8))
+    text = pages.page(folder, SurveyKey("mount", "quick", 1.0, 8))
     assert "12 values in rows.csv are of another profile, noise scale or seed" in text
     assert "missing in rows.csv: fig08/SL/mean" in text
 
@@ -215,14 +216,14 @@ def test_nothing_is_loaded_from_elsewhere(page):
 
 
 def test_the_lighter_form_of_a_picture_is_embedded(folder, monkeypatch):
-    assert pages._picture(folder, "fig07")["uri"].startswith("data:image/png;")
+    assert pages._picture(folder, "fig07").uri.startswith("data:image/png;")
     light = pages._picture(folder, "fig08")
-    kind, _, data = light["uri"].partition(",")
+    kind, _, data = light.uri.partition(",")
     assert kind == "data:image/svg+xml;base64"
     assert base64.b64decode(data).decode() == SVG
-    assert (light["width"], light["height"]) == (416, 293)
+    assert (light.width, light.height) == (416, 293)
     monkeypatch.setattr(pages, "LARGEST_SVG_BYTES", 10)
-    assert pages._picture(folder, "fig08")["uri"].startswith("data:image/png;")
+    assert pages._picture(folder, "fig08").uri.startswith("data:image/png;")
 
 
 def test_the_page_is_well_formed_and_can_be_walked_by_ear(page):
@@ -253,7 +254,7 @@ def test_a_report_that_fails_leaves_the_old_one(folder, monkeypatch):
 
     monkeypatch.setattr(os, "replace", fail)
     with pytest.raises(OSError, match="disk full"):
-        pages.write(folder, Run("mount", "quick", 1.0, 8))
+        pages.write(folder, SurveyKey("mount", "quick", 1.0, 8))
     assert path.read_bytes() == before
     assert not list(folder.glob("*.part"))
 
@@ -288,7 +289,7 @@ def test_the_papers_tables_and_figures_are_all_registered():
 @pytest.mark.skipif(not (FIGURES / "rows.csv").exists(), reason="no figures/rows.csv yet")
 def test_the_committed_rows_have_every_value_of_the_captions():
     rows = pd.read_csv(FIGURES / "rows.csv")
-    run = Run(
+    run = SurveyKey(
         "mount", *rows.loc[rows.artefact == "fig07", ["profile", "noise_scale", "seed"]].iloc[0]
     )
     for name in CAPTIONS:

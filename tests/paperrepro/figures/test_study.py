@@ -7,10 +7,8 @@ import pytest
 
 from paperrepro import figures
 from paperrepro.figures import study
-from paperrepro.frames import ANGLES
-from paperrepro.study.rows import Run, frame
-from paperrepro.study.simulated import ARTEFACT, FAILED
-from paperrepro.study.statistics import binomial
+from paperrepro.study.rows import ANGLES, ARTEFACT, FAILED, SurveyKey, frame
+from paperrepro.study.statistics import binomial, survey_table
 
 NOISES, SEEDS = (0.0, 1.0, 4.0), (1, 2, 3, 4)
 #: Error of an angle in its sigmas, and its sigma a unit of noise (deg): A's are beyond 1.96 in two
@@ -36,7 +34,7 @@ def rows_of(scenarios=tuple(LEVELS), preset="mount"):
     rows = []
     for noise in NOISES:
         for seed in SEEDS:
-            run = Run(preset, "quick", noise, seed)
+            run = SurveyKey(preset, "quick", noise, seed)
             for name in scenarios:
                 error = error_of(name, noise, seed)
                 sigma = 0.9 * LEVELS[name] * (0.1 + noise)
@@ -55,7 +53,7 @@ def curve(table, scenario, quantity):
 
 
 def test_each_survey_says_error_sigma_coverage_offset_and_who_is_better():
-    surveys = study.survey_table(rows_of()).set_index(["noise_scale", "seed", "scenario"])
+    surveys = survey_table(rows_of()).set_index(["noise_scale", "seed", "scenario"])
     assert len(surveys) == len(NOISES) * len(SEEDS) * 4
     one = surveys.loc[(1.0, 3, "A")]
     assert one.error_deg == pytest.approx(np.sqrt(3) * error_of("A", 1.0, 3))
@@ -73,7 +71,7 @@ def test_each_survey_says_error_sigma_coverage_offset_and_who_is_better():
 
 
 def test_shares_have_exact_intervals_and_means_resampled_ones():
-    table = study.errors(study.survey_table(rows_of()))[1]
+    table = study.errors(survey_table(rows_of()))[1]
     held = curve(table, "A", "held").loc[4.0]
     exact = binomial(2, len(SEEDS))
     assert (held.value, held.low, held.high) == (0.5, exact.low, exact.high)
@@ -81,7 +79,7 @@ def test_shares_have_exact_intervals_and_means_resampled_ones():
     assert error.value == pytest.approx(1.5 * np.sqrt(3) * 0.02 * 4.1)
     assert error.low < error.value < error.high
     assert (table.surveys == len(SEEDS)).all()
-    beaten = study.beaten(study.survey_table(rows_of()))[1]
+    beaten = study.beaten(survey_table(rows_of()))[1]
     assert set(beaten.scenario) == {"A", "D"}
     assert curve(beaten, "A", "beats_sl").value.tolist() == [0.5] * 3
     assert curve(beaten, "D", "beats_sl").value.tolist() == [1.0] * 3
@@ -90,7 +88,7 @@ def test_shares_have_exact_intervals_and_means_resampled_ones():
 def test_a_survey_without_sl_beats_nobody():
     rows = rows_of()
     lost = (rows.scenario == "SL") & (rows.seed == 1) & (rows.noise_scale == 1.0)
-    table = study.beaten(study.survey_table(rows[~lost]))[1]
+    table = study.beaten(survey_table(rows[~lost]))[1]
     assert curve(table, "A", "beats_sl").surveys.tolist() == [4, 3, 4]
     assert curve(table, "A", "beats_sl").value[1.0] == pytest.approx(1 / 3)
     names = [name for name, figure, data in study.pictures(rows_of(("D",)))]
@@ -99,18 +97,18 @@ def test_a_survey_without_sl_beats_nobody():
 
 def test_settings_are_not_averaged_with_one_another():
     rows = pd.concat([rows_of(), rows_of(preset="table4")])
-    figure, table = study.errors(study.survey_table(rows))
+    figure, table = study.errors(survey_table(rows))
     assert set(table.surveys) == {len(SEEDS)}
     assert len(figure.axes) == 6
     assert figure.axes[0].get_ylabel().startswith("mount, quick")
     varied = pd.concat([rows_of().assign(scene=scene) for scene in ("farm", "forest")])
-    table = study.offsets(study.survey_table(varied))[1]
+    table = study.offsets(survey_table(varied))[1]
     assert set(table.surveys) == {len(SEEDS)}
     assert set(table.scene) == {"farm", "forest"}
 
 
 def test_a_line_with_bars_for_each_scenario_in_its_colour():
-    surveys = study.survey_table(rows_of())
+    surveys = survey_table(rows_of())
     figure, table = study.errors(surveys)
     ax = figure.axes[0]
     assert [c.get_label() for c in ax.containers] == ["[11] = SL", "A", "D (ours)"]
@@ -128,8 +126,8 @@ def test_one_survey_has_no_bar_and_none_no_picture():
     single = rows[(rows.seed == 1) & (rows.noise_scale == 0.0)]
     names = [name for name, figure, data in study.pictures(single)]
     assert names == ["noise_errors", "noise_offsets", "noise_beaten"]
-    table = study.errors(study.survey_table(single))[1]
+    table = study.errors(survey_table(single))[1]
     assert table[table.quantity == "error_deg"].low.isna().all()
-    run = Run("mount", "quick", 900.0, 1)
+    run = SurveyKey("mount", "quick", 900.0, 1)
     assert list(study.pictures(frame([run.row(ARTEFACT, "all", FAILED, "1", 1)]))) == []
     assert list(study.pictures(frame([run.row("other", "A", "x", "1", 1)]))) == []

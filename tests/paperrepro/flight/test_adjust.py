@@ -40,9 +40,9 @@ def test_the_nominal_mounting_gives_the_file_back(folder, tmp_path):
         assert old.header.point_format == new.header.point_format
 
 
-def test_points_of_the_true_mounting(flown, folder, tmp_path):
+def test_points_of_the_true_mounting(thinned, folder, tmp_path):
     """By way of the command; where the method's own equation puts them, to the resolution."""
-    survey, truth = flown
+    survey, truth = thinned
     given = folder()
     given.change_strips(dressed)
     assert main(given.arguments(tmp_path / "out")) == 0
@@ -78,8 +78,8 @@ def test_a_failure_half_way_leaves_nothing(folder, tmp_path):
     assert not (tmp_path / "a").exists()
 
 
-def test_calibration_file(flown, folder):
-    survey, truth = flown
+def test_calibration_file(thinned, folder):
+    survey, truth = thinned
     given = folder()
     path = given.path / "truth.json"
     mounting = read_calibration(path, survey.mounting, survey.scanner).mounting

@@ -221,8 +221,8 @@ def test_trajectory_that_ends_before_the_strips(folder, capsys):
     )
 
 
-def test_trajectory_that_ends_within_a_strip(flown, folder, capsys):
-    survey, _ = flown
+def test_trajectory_that_ends_within_a_strip(thinned, folder, capsys):
+    survey, _ = thinned
     last = survey.strips[-1].time
     written = folder()
     written.change_sbet(lambda table: table[table[:, 0] < last[-1] - 0.05])

@@ -5,6 +5,7 @@ import pytest
 
 from data_synth.evaluation import true_planes
 from paperrepro.errors import TooFewPlanes
+from paperrepro.method import calibrate_all
 from paperrepro.method.accuracy import (
     Distribution,
     ReferencePlanes,
@@ -16,7 +17,6 @@ from paperrepro.method.accuracy import (
     vertical_offsets,
     virtual_points,
 )
-from paperrepro.method.coarse_to_fine import calibrate_all
 from paperrepro.method.roofs import Roofs
 
 SCENARIOS = ("SL", "A", "B", "C")

@@ -8,14 +8,8 @@ import pytest
 from data_synth import make_config, simulate
 from data_synth.evaluation import false_pairs, judge_views
 from paperrepro.errors import EmptyStrip, OutsideTrajectory, TooFewPlanes
-from paperrepro.method.coarse_to_fine import (
-    PassParameters,
-    calibrate_all,
-    find_candidates,
-    find_roofs,
-    refine_all,
-    roofs_under,
-)
+from paperrepro.method import calibrate_all, refine_all
+from paperrepro.method.coarse_to_fine import RoofSearch, find_candidates, find_roofs, planes_under
 from paperrepro.survey import Strip, Trajectory
 
 SCENARIOS = ("SL", "A", "B", "C")
@@ -38,20 +32,19 @@ def noise_free(boresight_deg, offsets_sigma, seed=1):
 @pytest.mark.parametrize("boresight_deg", [(1.1, -0.8, 1.3), (3.0, -3.0, -3.0), (-3.0, 3.0, 3.0)])
 def test_noise_free_every_scenario_finds_the_boresight_from_zero(boresight_deg):
     survey, truth = noise_free(boresight_deg, offsets_sigma=0.0)
-    points = find_candidates(survey)
-    found = find_roofs(survey, points)
+    found = find_roofs(survey)
     np.testing.assert_array_equal(survey.mounting.boresight, 0)
     for name, result in calibrate_all(survey, found, SCENARIOS).items():
         error = np.rad2deg(result.boresight - truth.boresight)
         assert np.abs(error).max() < OWN_SEGMENTATION_DEG, name
-    views = judge_views(survey, truth, found.views(points))
+    views = judge_views(survey, truth, found.views)
     assert len(false_pairs(views, found.tie_planes.pairs)) == 0
 
 
 @pytest.mark.slow
 def test_noise_free_b_and_c_find_the_range_offsets():
     survey, truth = noise_free((1.1, -0.8, 1.3), offsets_sigma=0.015, seed=2)
-    found = find_roofs(survey, find_candidates(survey))
+    found = find_roofs(survey)
     for name, result in calibrate_all(survey, found, ("B", "C")).items():
         error = result.range_offsets - truth.range_offsets
         assert np.abs(np.rad2deg(result.boresight - truth.boresight)).max() < 1e-3, name
@@ -71,7 +64,7 @@ def test_matched_faces_agree_with_the_roofs_they_come_from(flown):
     tie_planes, found = flown.found.tie_planes, flown.found
     assert len(tie_planes.ranges) == len(found.keys) == len(tie_planes.strips)
     for (strip, face), (first, last) in zip(found.keys, tie_planes.ranges, strict=True):
-        assert last - first == len(found.roofs[strip].faces[face].points)
+        assert last - first == len(found.surfaces[strip].faces[face].points)
     strips_of_tie = [[strip for strip, _ in tie] for tie in found.ties]
     assert all(len(set(strips)) == len(strips) >= 2 for strips in strips_of_tie)
 
@@ -109,7 +102,7 @@ def test_one_strip_alone_matches_nothing(flown):
     survey = replace(flown.survey, strips=flown.survey.strips[:1])
     points = find_candidates(survey)
     with pytest.raises(TooFewPlanes, match="two strips share"):
-        roofs_under(survey, points, survey.mounting, PassParameters.coarse())
+        planes_under(survey, points, survey.mounting, RoofSearch().coarse())
 
 
 def test_a_trajectory_with_a_hole_is_refused(flown):

@@ -210,11 +210,11 @@ class Flight:
 
     def fine(self, error_deg):
         boresight = self.truth.boresight + np.radians(error_deg)
-        return self.tie_planes(boresight, RoofParameters.fine(), FINE)
+        return self.tie_planes(boresight, RoofParameters(), FINE)
 
     def coarse(self, error_deg):
         boresight = self.truth.boresight + np.radians(error_deg)
-        return self.tie_planes(boresight, RoofParameters.coarse(), COARSE, fan_deg=3.5)
+        return self.tie_planes(boresight, RoofParameters().coarse(), COARSE, fan_deg=3.5)
 
     def recall(self, label):
         """Of the faces of 20 m² or more that lie in two strips or more."""

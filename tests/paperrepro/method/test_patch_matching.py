@@ -6,8 +6,8 @@ from paperrepro.method.patches import (
     Patches,
     PatchMatchParameters,
     choose,
-    common_footprint,
     match_patches,
+    seen_by_all,
 )
 
 FINE = PatchMatchParameters(0.3, 4.0, 3.0, same_tile=True)
@@ -66,7 +66,8 @@ def test_views_are_cut_to_what_all_of_them_show():
         np.column_stack([rng.uniform(0, [x, y], (2000, 2)), np.zeros(2000)])
         for x, y in ((4, 4), (2, 4), (1, 1))
     )
-    masks = common_footprint([full, half, corner], axis=2, tile_m=4.0)
-    assert masks[2] is None
-    assert masks[1].all()
-    np.testing.assert_array_equal(masks[0], full[:, 0] < 2)
+    members = [np.arange(2000)] * 3
+    in_full, in_half, in_corner = seen_by_all(members, [full, half, corner], axis=2, tile_m=4.0)
+    assert len(in_corner) == 0
+    assert len(in_half) == 2000
+    np.testing.assert_array_equal(in_full, np.flatnonzero(full[:, 0] < 2))

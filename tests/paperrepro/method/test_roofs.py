@@ -13,7 +13,7 @@ from paperrepro.method.planes import GrowingParameters, RansacParameters
 from paperrepro.method.roofs import RoofParameters, candidates, extract, objects
 from tests.paperrepro.method.shapes import crown, gable, ground, hip
 
-FINE, COARSE = RoofParameters.fine(), RoofParameters.coarse()
+FINE, COARSE = RoofParameters(), RoofParameters().coarse()
 
 
 def farmyard(rng, sigma=0.02):

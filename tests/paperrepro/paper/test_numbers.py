@@ -3,6 +3,7 @@
 import pandas as pd
 import pytest
 
+from paperrepro.errors import BadInput
 from paperrepro.paper.numbers import NO_VALUE, Quantity, cells, heading, number, worded
 
 NBSP = "\u00a0"
@@ -29,7 +30,7 @@ def test_a_quantity_is_written_with_its_unit(value, unit, shown_in, text):
 
 
 def test_a_quantity_refuses_a_foreign_unit():
-    with pytest.raises(ValueError, match="a value in m can be shown in m, cm, mm, not in deg"):
+    with pytest.raises(BadInput, match="expected to be shown in m, cm, mm, got deg"):
         f"{Quantity(1.0, 'm'):deg}"
 
 

@@ -5,12 +5,13 @@ import pandas as pd
 import pytest
 
 from paperrepro.method.adjustment.scenarios import calibrate
-from paperrepro.paper.published import TABLE4
-from paperrepro.paper.tables import calibration_rows, table4
-from paperrepro.study.rows import COLUMNS, Run, frame, write_csv
+from paperrepro.method.roofs import RoofParameters
+from paperrepro.paper.published import TABLE2, TABLE4
+from paperrepro.paper.tables import calibration_rows, table2, table4
+from paperrepro.study.rows import COLUMNS, SurveyKey, frame, write_csv
 from tests.paperrepro.labelled import matched_faces, survey_of
 
-RUN = Run("mount", "quick", 1.0, 7)
+RUN = SurveyKey("mount", "quick", 1.0, 7)
 
 
 @pytest.fixture(scope="module")
@@ -50,3 +51,11 @@ def test_an_empty_folder_writes_nothing(tmp_path, rows, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert write_csv(rows, "", "rows") is None
     assert not list(tmp_path.iterdir())
+
+
+def test_table_2_shows_every_printed_value_beside_the_one_used():
+    table = table2(RoofParameters(), RoofParameters().coarse()).set_index("parameter")
+    assert set(TABLE2) <= set(table.index)
+    for name, value in TABLE2.items():
+        assert float(table.paper[name]) == value.value
+        assert table.paper[name] == table.fine[name] or table.reading[name]

@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from paperrepro.frames import ANGLES
-from paperrepro.study.rows import Run, frame
-from paperrepro.study.simulated import ARTEFACT, BOUND
+from paperrepro.study.rows import ANGLES, ARTEFACT, BOUND, SurveyKey, frame
 from paperrepro.study.statistics import promises
 
 SEEDS = 400
@@ -14,7 +12,7 @@ def rows_of(scenario, factor, bound=1.0):
     """Errors of ``factor`` times the sigma that is promised, and a bound on each."""
     rng, rows = np.random.default_rng(1), []
     for seed in range(1, SEEDS + 1):
-        run, errors = Run("mount", "quick", 1.0, seed), factor * rng.normal(size=3)
+        run, errors = SurveyKey("mount", "quick", 1.0, seed), factor * rng.normal(size=3)
         rows += [
             run.row(ARTEFACT, scenario, f"error_{angle}", "deg", error, 1.0)
             for angle, error in zip(ANGLES, errors, strict=True)

@@ -13,11 +13,17 @@ from paperrepro.method.adjustment.quality import TrueNoise
 from paperrepro.method.adjustment.trajectory_errors import specified_process
 from paperrepro.paper import claims
 from paperrepro.study import montecarlo, statistics
-from paperrepro.study.montecarlo import read_study, run_one, run_seeds
-from paperrepro.study.rows import COLUMNS, Run, frame, write_csv
+from paperrepro.study.montecarlo import run_one, run_seeds
+from paperrepro.study.rows import (
+    COLUMNS,
+    SurveyKey,
+    frame,
+    read_study,
+    write_csv,
+)
 from paperrepro.study.simulated import ANGLES_ONLY, FAILED, Depth, Known, measure, with_wrong_match
 
-RUNS = {Run("mount", "quick", 1.0, seed): Depth() for seed in (1, 2)}
+RUNS = {SurveyKey("mount", "quick", 1.0, seed): Depth() for seed in (1, 2)}
 ONE = next(iter(RUNS))
 
 
@@ -96,7 +102,7 @@ def test_a_study_is_read_as_it_was_written(tmp_path):
 
 
 def test_a_sweep_adds_the_surveys_that_a_study_lacks(tmp_path):
-    other = Run("mount", "quick", 4.0, 1)
+    other = SurveyKey("mount", "quick", 4.0, 1)
     study = frame([ONE.row("study", "B", "error_phi", "deg", 1.0)])
     sweep = frame([run.row("study", "B", "error_phi", "deg", 2.0) for run in (ONE, other)])
     for name, rows in {"study": study, "sweep": sweep}.items():

@@ -8,6 +8,7 @@ from scipy.stats import chi2
 
 from paperrepro import _compiled
 from paperrepro.errors import BadInput, RankDefect, TooFewPlanes
+from paperrepro.method.adjustment.calibrate import calibrate as estimate
 from paperrepro.method.adjustment.scenarios import SCENARIOS, Scenario, calibrate
 from tests.paperrepro.labelled import (
     HEADINGS_DEG,
@@ -338,3 +339,32 @@ def test_faces_that_are_lines_or_points(scenario, what, shape):
     narrow = replace(tie_planes, rays=replace(tie_planes.rays.take(rows), pose=pose))
     facts = (what, "on a line or in a point", "expected a width of 5 cm", "got 0.0 cm", "leave")
     refused(RankDefect, narrow, scenario, *facts)
+
+
+@pytest.mark.parametrize("scenario", ["SL", "B", "C"])
+def test_few_points_a_face_pose_few_conditions_and_find_the_same_boresight(scenario):
+    """Without noise the number of points is of no matter; the sigmas grow as conditions go."""
+    tie_planes, truth, _ = matched_faces(count=60)
+    found = {n: estimate(survey_of(), tie_planes, f"{scenario} {n}") for n in (3, 20, "all")}
+    for n, result in found.items():
+        assert result.scenario == f"{scenario} {n}"
+        np.testing.assert_allclose(result.boresight, truth.boresight, atol=1e-9)
+    dof = [found[n].dof for n in (3, 20, "all")]
+    assert dof[0] < dof[1] < dof[2]
+
+
+@pytest.mark.parametrize(
+    "scenario", ["E", "SL 0", "C 0", "B few", "B 3 4", "SL offsets", "", "B -1"]
+)
+def test_variants_that_make_no_sense_are_refused(scenario):
+    with pytest.raises(BadInput, match="expected one of SL, A, B, C, D"):
+        estimate(survey_of(), matched_faces()[0], scenario)
+
+
+def test_centroids_alone_of_b_are_the_conditions_of_a():
+    tie_planes, _, _ = matched_faces(count=60)
+    tie_planes = with_noise(tie_planes, np.random.default_rng(2))
+    a = estimate(survey_of(), tie_planes, "A")
+    b = estimate(survey_of(), tie_planes, "B 0 without offsets")
+    np.testing.assert_allclose(b.boresight, a.boresight, atol=1e-12)
+    np.testing.assert_allclose(b.covariance, a.covariance, rtol=1e-9)
