@@ -319,7 +319,7 @@ def _calibrate(options: argparse.Namespace) -> int:
     from paperrepro.flight import calibration_file
     from paperrepro.flight.calibrate import calibrate_flight
     from paperrepro.flight.read import read_flight
-    from paperrepro.flight.write import adjust_strips
+    from paperrepro.flight.write import require_writable, write_strips
 
     _require_strips_apart(options)
     with written_whole(options.out) as draft, _Steps(options) as steps:
@@ -328,19 +328,19 @@ def _calibrate(options: argparse.Namespace) -> int:
             options.strips, options.trajectory, options.mounting, accuracy=options.accuracy,
             crs=options.crs, ring_dimension=options.ring_dimension,
         )  # fmt: skip
-        own = calibrate_flight(flight.survey, options.scenario, options.planes, steps)
+        if options.write_strips:
+            require_writable(flight, options.out)
+        own = calibrate_flight(flight, options.scenario, options.planes, steps)
         steps("report")
         calibration_file.write(own, draft / calibration_file.NAME, notes=list(flight.notes))
         page = pages.calibration_page(own, pictures(own), _files(options), flight.notes)
         (draft / pages.NAME).write_text(page, encoding="utf-8", newline="\n")
         if options.write_strips:
             steps("adjusted strips")
-            adjust_strips(flight, own.result.calibrated, draft)
+            write_strips(flight, own.result.calibrated, draft)
     say = _say(options)
     say(f"{options.out}: {calibration_file.NAME}, {pages.NAME}")
-    say("\n".join([*flight.notes, *own.remarks, *calibration_file.summary(own.result)]))
-    for sentence in calibration_file.contradictions(own):
-        say(f"  check: {sentence}")
+    say("\n".join([*flight.notes, own.summary()]))
     return 0
 
 
@@ -381,21 +381,16 @@ def _apply_options(commands) -> None:
 
 
 def _apply(options: argparse.Namespace) -> int:
-    from paperrepro.flight.calibration_file import read_calibration
-    from paperrepro.flight.read import read_flight
-    from paperrepro.flight.write import adjust_strips
+    from paperrepro.flight.write import apply_calibration
 
-    say = _say(options)
-    flight = read_flight(
-        options.strips, options.trajectory, options.mounting,
+    written = apply_calibration(
+        options.strips, options.trajectory, options.mounting, options.calibration, options.out,
         crs=options.crs, ring_dimension=options.ring_dimension,
     )  # fmt: skip
-    survey = flight.survey
-    mounting = read_calibration(options.calibration, survey.mounting, survey.scanner.n_rings)
-    for note in flight.notes:
+    say = _say(options)
+    for note in written.notes:
         say(f"note: {note}")
-    written = adjust_strips(flight, mounting, options.out)
-    say(f"{options.out}: {len(written)} strips, {sum(file.count for file in flight.files)} points")
+    say(f"{options.out}: {len(written.strips)} strips, {written.points} points")
     return 0
 
 

@@ -6,10 +6,13 @@ where there are not. Scenario D estimates how noisy trajectory and laser were, f
 """
 
 from dataclasses import dataclass, replace
+from html import escape
 
 import numpy as np
 
 from paperrepro.errors import BadInput, NoConvergence, RankDefect, TooFewPlanes
+from paperrepro.flight.agreement import implausible, require_agreement
+from paperrepro.flight.read import Flight
 from paperrepro.method.accuracy import PairDistances, overlaps, pair_distances
 from paperrepro.method.adjustment import trajectory_errors
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES, calibrate
@@ -45,10 +48,26 @@ NOISE_PLANES, NOISE_POINTS = 30, 150
 class OwnFlight:
     """What a calibration of a flight found.
 
-    ``planes``: ``gables`` or ``any``; ``result``; ``tie_planes`` faces that went into it;
-    ``rejected`` faces, wrong matches of the last pass and of the adjustment; ``boresights``
-    (passes + 1, 3) rad as the passes went; ``distances`` of the pairs of strips; ``remarks``, a
-    sentence each; ``checks`` of the model under which sigma hold.
+    Attributes
+    ----------
+    survey : Survey
+        As it was given.
+    planes : str
+        ``gables`` or ``any``.
+    result : CalibrationResult
+        Of the adjustment.
+    tie_planes : TiePlanes
+        The tie planes that went into it.
+    rejected : tuple of Rejection
+        Gross errors of the last search and of the adjustment.
+    boresights : (searches + 1, 3) array, rad
+        As the search went.
+    distances : tuple of PairDistances
+        Between the strips of each pair, before and after.
+    remarks : tuple of str
+        A sentence each.
+    checks : tuple of Check
+        Of the model under which sigma hold.
     """
 
     survey: Survey
@@ -61,20 +80,64 @@ class OwnFlight:
     remarks: tuple[str, ...]
     checks: tuple[Check, ...] = ()
 
+    def summary(self) -> str:
+        """Lines for a terminal: remarks, the angles with their sigma, the fit, what is weak, and
+        where the data contradict the model."""
+        checks = [f"  check: {sentence}" for sentence in self.contradictions]
+        return "\n".join([*self.remarks, self.result.summary(), *checks])
+
+    @property
+    def contradictions(self) -> list[str]:
+        """Sentences of the checks that did not pass."""
+        return [check.sentence for check in self.checks if not check.passed]
+
+    def __repr__(self) -> str:
+        strips = ", ".join(strip.name for strip in self.survey.strips)
+        return f"OwnFlight({strips}; {self.result!r}; {len(self.remarks)} remarks)"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>"
+
 
 def calibrate_flight(
-    survey: Survey, scenario: str = "D", planes: str = "auto", progress: Progress = silent
+    flight: Flight | Survey,
+    scenario: str = "D",
+    planes: str = "auto",
+    progress: Progress = silent,
 ) -> OwnFlight:
-    """Calibrate ``survey`` from its own mounting as start; ``planes`` is one of `PLANES`.
+    """Calibrate a flight, from its own mounting as start.
 
-    Raises `BadInput` for strips that do not overlap and for unknown words, `TooFewPlanes`,
-    `RankDefect`, `NoConvergence`.
+    Parameters
+    ----------
+    flight : Flight or Survey
+        As `read_flight` gives it, or a survey from elsewhere.
+    scenario : str
+        ``SL``, ``A``, ``B``, ``C`` of the paper, or ``D``, ours.
+    planes : str
+        ``gables``, ``any``, or ``auto``: gables where there are enough.
+    progress : callable
+        Given a sentence for each step.
+
+    Returns
+    -------
+    OwnFlight
+        Boresight with its covariance, distances between the strips, remarks.
+
+    Raises
+    ------
+    BadInput
+        Strips that do not overlap; unknown words; a mistake of the trajectory, such as a wrong sign
+        of roll, that shows in the strips' agreement alone.
+    TooFewPlanes, RankDefect, NoConvergence
+        Where the flight does not determine the boresight.
     """
     _require_word("scenario", scenario, SCENARIO_NAMES)
     _require_word("planes", planes, PLANES)
+    survey = flight.survey if isinstance(flight, Flight) else flight
     points = sample_rays(survey)
     pairs = _require_overlap(survey, points.rays)
     kind, found, remarks = _find(survey, points, planes, progress)
+    require_agreement(survey, found.tie_planes, getattr(flight, "trajectory", "trajectory"))
     progress(f"scenario {scenario}: {found.tie_planes.n_planes} planes")
     result, tie_planes = _adjust(survey, found.tie_planes, scenario, found.boresights[-1])
     if scenario == "D" and len(set(tie_planes.strips)) < ENOUGH_STRIPS:
@@ -82,7 +145,7 @@ def calibrate_flight(
             f"The trajectory's noise was taken as specified, to a factor of three: "
             f"{len(set(tie_planes.strips))} strips do not show it, {ENOUGH_STRIPS} would."
         )
-    remarks += _constants(result)
+    remarks += [*_constants(result), *implausible(result)]
     checks = model_checks(result, survey, tie_planes, found.boresights[-1])
     progress(f"distances of {len(pairs)} pairs of strips")
     distances = pair_distances(points.rays, pairs, survey.mounting, result.calibrated)

@@ -8,7 +8,7 @@ import pytest
 from paperrepro.errors import BadInput
 from paperrepro.flight.calibrate import calibrate_flight
 from paperrepro.method.accuracy import overlaps, pair_distances, rmse
-from paperrepro.method.coarse_to_fine import find_candidates, find_planes, sample_rays, tile_size
+from paperrepro.method.coarse_to_fine import find_planes, sample_rays, tile_size
 
 
 def part(survey, *names):
@@ -120,6 +120,6 @@ def test_strips_apart_are_refused(flown):
 
 @pytest.mark.parametrize("words", [{"scenario": "E"}, {"planes": "roofs"}])
 def test_unknown_words_are_refused_before_any_work(few, words, monkeypatch):
-    monkeypatch.setattr("paperrepro.flight.calibrate.sample_rays", find_candidates)
+    monkeypatch.setattr("paperrepro.flight.calibrate.sample_rays", None)
     with pytest.raises(BadInput, match="expected one of"):
         calibrate_flight(few, **words)
