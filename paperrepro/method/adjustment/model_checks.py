@@ -25,10 +25,11 @@ PROCESS = (0.5, 2.0)
 FAST = 0.3
 #: Factors on the specified sigma below which a boresight's sigma rests on the estimate of them.
 BELOW = 0.5
-#: RMS of the beams' elevation errors in their own sigma. Range offsets in their prior sigma.
-BEAMS, OFFSETS = 3.0, 5.0
-#: Difference between D and SL in sigma of what lasting errors leave of either.
-SCENARIOS = 3.0
+#: RMS of the beams' elevation errors in their own sigma, of which 16 beams without one exceed this
+#: in one of twenty flights. Range offsets in their prior sigma.
+BEAMS, OFFSETS = 1.3, 5.0
+#: Difference between D and SL in D's sigma: SL's own errors are about twice as large.
+SCENARIOS = 5.0
 #: Least points of a beam on a face, and views of it, that make its mean count.
 LEAST_POINTS, LEAST_VIEWS = 5, 4
 
