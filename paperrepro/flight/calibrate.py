@@ -172,8 +172,8 @@ def _constants(result: CalibrationResult) -> list[str]:
     if not words:
         return []
     return [
-        f"Sigma hold a constant error of the attitude ({', '.join(words)}), which no data tell "
-        "from the boresight: the specification allows it, the flight does not show it."
+        f"Sigma hold a constant error of attitude ({', '.join(words)}), which no data tell from "
+        "the boresight: the specification allows it, the flight does not show it."
     ]
 
 

@@ -12,7 +12,7 @@ from data_synth.motion import UNSEEN_BAND, UNSEEN_PER_DEGREE, draw_unseen_vibrat
 from data_synth.operator import Site, truth_text
 from data_synth.sensors import N_RINGS, ScannerErrors, range_noise_factor
 from data_synth.simulation import STREAMS, draw_scanner_errors
-from paperrepro.georeference import georeference
+from paperrepro.method.georeference import georeference
 from paperrepro.survey import Rays
 
 
