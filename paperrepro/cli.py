@@ -320,7 +320,9 @@ def _calibrate(options: argparse.Namespace) -> int:
     from paperrepro.flight.calibrate import calibrate_flight
     from paperrepro.flight.read import read_flight
     from paperrepro.flight.write import require_writable, write_strips
+    from paperrepro.method.parameters import Parameters
 
+    parameters = Parameters.read(options.set)
     _require_strips_apart(options)
     with written_whole(options.out) as draft, _Steps(options) as steps:
         steps("reading")
@@ -330,7 +332,7 @@ def _calibrate(options: argparse.Namespace) -> int:
         )  # fmt: skip
         if options.write_strips:
             require_writable(flight, options.out)
-        own = calibrate_flight(flight, options.scenario, options.planes, steps)
+        own = calibrate_flight(flight, options.scenario, options.planes, steps, parameters)
         steps("report")
         calibration_file.write(own, draft / calibration_file.NAME, notes=list(flight.notes))
         page = pages.calibration_page(own, pictures(own), _files(options), flight.notes)

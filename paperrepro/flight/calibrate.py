@@ -16,7 +16,6 @@ from paperrepro.flight.read import Flight
 from paperrepro.method.accuracy import PairDistances, overlaps, pair_distances
 from paperrepro.method.adjustment import trajectory_errors
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES, calibrate
-from paperrepro.method.adjustment.conditions import Unknowns, face_states
 from paperrepro.method.adjustment.model_checks import Check, model_checks
 from paperrepro.method.adjustment.observability import AXIS_WORDS
 from paperrepro.method.adjustment.result import CalibrationResult
@@ -29,6 +28,7 @@ from paperrepro.method.coarse_to_fine import (
     sample_rays,
     silent,
 )
+from paperrepro.method.parameters import Parameters
 from paperrepro.method.patches import choose
 from paperrepro.method.tie_planes import Rejection, TiePlanes
 from paperrepro.survey import Survey
@@ -104,6 +104,7 @@ def calibrate_flight(
     scenario: str = "D",
     planes: str = "auto",
     progress: Progress = silent,
+    parameters: Parameters | None = None,
 ) -> OwnFlight:
     """Calibrate a flight, from its own mounting as start.
 
@@ -117,6 +118,8 @@ def calibrate_flight(
         ``gables``, ``any``, or ``auto``: gables where there are enough.
     progress : callable
         Given a sentence for each step.
+    parameters : Parameters, optional
+        Table 2, for gable roofs.
 
     Returns
     -------
@@ -136,7 +139,7 @@ def calibrate_flight(
     survey = flight.survey if isinstance(flight, Flight) else flight
     points = sample_rays(survey)
     pairs = _require_overlap(survey, points.rays)
-    kind, found, remarks = _find(survey, points, planes, progress)
+    kind, found, remarks = _find(survey, points, planes, progress, parameters)
     require_agreement(survey, found.tie_planes, getattr(flight, "trajectory", "trajectory"))
     progress(f"scenario {scenario}: {found.tie_planes.n_planes} planes")
     result, tie_planes = _adjust(survey, found.tie_planes, scenario, found.boresights[-1])
@@ -151,16 +154,9 @@ def calibrate_flight(
     distances = pair_distances(points.rays, pairs, survey.mounting, result.calibrated)
     rejected = (*found.rejected, *result.rejected)
     return OwnFlight(
-        survey,
-        kind,
-        result,
-        tie_planes,
-        rejected,
-        found.boresights,
-        distances,
-        tuple(remarks),
+        survey, kind, result, tie_planes, rejected, found.boresights, distances, tuple(remarks),
         checks,
-    )
+    )  # fmt: skip
 
 
 def _constants(result: CalibrationResult) -> list[str]:
@@ -198,12 +194,16 @@ def _require_overlap(survey: Survey, samples):
     return pairs
 
 
-def _find(survey: Survey, points: Candidates, planes: str, progress: Progress):
+def _find(
+    survey: Survey, points: Candidates, planes: str, progress: Progress,
+    parameters: Parameters | None,
+):  # fmt: skip
     """Which planes, what was found, and what is to be said of the choice."""
     if planes == "any":
         return "any", find_planes(survey, points, progress=progress), []
     try:
-        found = find_roofs(survey, progress=progress)
+        search = (parameters or Parameters()).search
+        found = find_roofs(survey, search=search, progress=progress)
     except (TooFewPlanes, RankDefect, NoConvergence) as error:
         if planes == "gables":
             raise
@@ -228,16 +228,14 @@ def _adjust(
         found = trajectory_errors.find_noise(start, _few(start, tie_planes), near, enough)
     result = calibrate(start, tie_planes, scenario, found=found)
     kept = tie_planes.subset(screen(start, tie_planes).kept) if result.rejected else tie_planes
-    unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, "none")
-    before = face_states(kept.rays, kept.plane_ranges, unknowns, unknowns.start()).rms
+    before = kept.plane_states(survey.mounting).rms
     changed = {"mounting": survey.mounting, "rms_before": before}
     return replace(result, **changed), kept
 
 
 def _few(survey: Survey, tie_planes: TiePlanes) -> TiePlanes:
     """At most `NOISE_PLANES` planes that face many ways, and few points of each."""
-    unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, "none")
-    states = face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, unknowns.start())
+    states = tie_planes.plane_states(survey.mounting)
     views = np.bincount(tie_planes.plane)
     planes = choose(states.plane[:, :3], states.centroid, views, NOISE_PLANES)
     return tie_planes.subset(np.isin(tie_planes.plane, planes)).thinned(NOISE_POINTS)
