@@ -470,6 +470,8 @@ def _study_options(commands) -> None:
     words = "factors on the GNSS/INS error"
     command.option("--noise-scale", words, (0.5, 1.0, 2.0), type=_numbers, metavar="0.5,1,2")
     command.option("--preset", "true boresights", PRESETS, type=_names, metavar="mount,table4")
+    words = "kinds of errors, such as specified,smoother,clock"
+    command.option("--errors", words, ("specified",), type=_names, metavar="specified,clock")
     command.option("--profile", "one pulse in 16, or all", "quick", choices=PROFILES)
     command.option("--out", "where the rows go", STUDY, type=Path)
     _workers(command)
@@ -483,8 +485,9 @@ def _study(options: argparse.Namespace) -> int:
 
     say = _say(options)
     surveys = planned(
-        options.seeds, options.coverage_seeds, options.noise_scale, options.preset, options.profile
-    )
+        options.seeds, options.coverage_seeds, options.noise_scale, options.preset, options.profile,
+        options.errors,
+    )  # fmt: skip
     require_folder(options.out.parent)
     finished = run_study(
         surveys, workers=options.workers, scheduler=options.scheduler, wait_s=options.wait,

@@ -14,12 +14,12 @@ from paperrepro.errors import BadInput, NoConvergence, RankDefect, TooFewPlanes
 from paperrepro.flight.agreement import implausible, require_agreement
 from paperrepro.flight.read import Flight
 from paperrepro.method.accuracy import PairDistances, overlaps, pair_distances
-from paperrepro.method.adjustment import trajectory_errors
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES, calibrate
 from paperrepro.method.adjustment.model_checks import Check, model_checks
 from paperrepro.method.adjustment.observability import AXIS_WORDS
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.screening import screen
+from paperrepro.method.adjustment.trajectory_errors import few_planes, find_noise
 from paperrepro.method.coarse_to_fine import (
     Candidates,
     Progress,
@@ -29,7 +29,6 @@ from paperrepro.method.coarse_to_fine import (
     silent,
 )
 from paperrepro.method.parameters import Parameters
-from paperrepro.method.patches import choose
 from paperrepro.method.tie_planes import Rejection, TiePlanes
 from paperrepro.survey import Survey
 
@@ -40,8 +39,6 @@ ENOUGH_GABLES = 12
 #: Strips from which on the noise of the trajectory is told from the boresight: in two lines half of
 #: the boresight and an error of either look alike.
 ENOUGH_STRIPS = 4
-#: Planes and points a face from which noise is estimated.
-NOISE_PLANES, NOISE_POINTS = 30, 150
 
 
 @dataclass(frozen=True)
@@ -225,17 +222,9 @@ def _adjust(
     found, start = None, replace(survey, mounting=survey.mounting.with_calibration(near))
     if scenario == "D":
         enough = len(set(tie_planes.strips)) >= ENOUGH_STRIPS
-        found = trajectory_errors.find_noise(start, _few(start, tie_planes), near, enough)
+        found = find_noise(start, few_planes(tie_planes, start.mounting), near, enough)
     result = calibrate(start, tie_planes, scenario, found=found)
     kept = tie_planes.subset(screen(start, tie_planes).kept) if result.rejected else tie_planes
     before = kept.plane_states(survey.mounting).rms
     changed = {"mounting": survey.mounting, "rms_before": before}
     return replace(result, **changed), kept
-
-
-def _few(survey: Survey, tie_planes: TiePlanes) -> TiePlanes:
-    """At most `NOISE_PLANES` planes that face many ways, and few points of each."""
-    states = tie_planes.plane_states(survey.mounting)
-    views = np.bincount(tie_planes.plane)
-    planes = choose(states.plane[:, :3], states.centroid, views, NOISE_PLANES)
-    return tie_planes.subset(np.isin(tie_planes.plane, planes)).thinned(NOISE_POINTS)
