@@ -19,7 +19,8 @@ from paperrepro import __version__
 from paperrepro.errors import BadInput, PaperReproError
 
 # What can be chosen, spelt out so that --help need not load what offers it; a test compares them.
-PRESETS, PROFILES, SCENES = ("mount", "table4"), ("quick", "paper"), ("farm", "forest")
+PRESETS, PROFILES = ("mount", "table4"), ("quick", "paper")
+SCENES = ("farm", "forest", "yard", "fields")
 SCENARIOS, PLANES = ("SL", "A", "B", "C", "D"), ("auto", "gables", "any")
 SITE = -25.754444, -49.394167, 900.0
 #: Where `study` leaves its rows: the ledger reads them there.
@@ -307,6 +308,8 @@ def _calibrate_options(commands) -> None:
     words = "write the strips under the new mounting, too"
     command.add_argument("--write-strips", action="store_true", help=words)
     command.option("--accuracy", "SMRMSG of the trajectory", type=Path, metavar="FILE")
+    words = "parameters of Table 2, such as growing_angle_deg=2, or a TOML file of such lines"
+    command.option("--set", words, "", metavar="NAME=VALUE,…")
 
 
 def _calibrate(options: argparse.Namespace) -> int:

@@ -265,12 +265,22 @@ def _local(workers: int) -> Iterator[Client]:
         LocalCluster(
             n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
             dashboard_address=_DASHBOARD, local_directory=folder, silence_logs=logging.CRITICAL,
-            security=Security.temporary(),
+            security=_security(),
         ) as processes,
         Client(processes) as client,
     ):  # fmt: skip
         client.register_plugin(_NotInterrupted())
         yield client
+
+
+def _security() -> Security | None:
+    """A key for this process and its workers alone."""
+    try:
+        return Security.temporary()
+    except ImportError:
+        print("note: cryptography is not installed, so other users of this machine can reach the "
+              "workers", file=sys.stderr)  # fmt: skip
+        return None
 
 
 class _NotInterrupted(WorkerPlugin):
