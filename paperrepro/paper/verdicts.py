@@ -76,6 +76,11 @@ def in_settings(judge: Judge, preset: str | None = None) -> Rule:
     return rule
 
 
+def under_errors(kind: str) -> Callable[[Judge], Rule]:
+    """`in_settings`, of the surveys with errors of another kind than specified."""
+    return lambda judge: lambda evidence: in_settings(judge)(evidence.under(kind))
+
+
 def over_noise(judge: Callable[[list[Surveys]], Judged]) -> Rule:
     """``judge`` for every preset and profile, given its surveys at all noise scales, ascending; of
     those scales at which enough surveys gave a result."""

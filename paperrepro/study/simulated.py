@@ -35,7 +35,13 @@ from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.screening import screen
 from paperrepro.method.adjustment.trajectory_equations import AXES, GaussMarkov
 from paperrepro.method.adjustment.trajectory_errors import few_planes, find_noise
-from paperrepro.method.coarse_to_fine import Candidates, PlaneSurvey, find_candidates, find_roofs
+from paperrepro.method.coarse_to_fine import (
+    Candidates,
+    PlaneSurvey,
+    find_candidates,
+    find_planes,
+    find_roofs,
+)
 from paperrepro.method.georeference import georeference
 from paperrepro.method.tie_planes import TiePlanes
 from paperrepro.study.rows import (
@@ -110,8 +116,10 @@ class SimulatedSurvey:
 
     @cached_property
     def found(self) -> PlaneSurvey:
-        """Roofs of all strips, matched."""
-        return self._stage(find_roofs, self.survey, self.points)
+        """Roofs of all strips, matched; where there is no building, planes of any kind."""
+        if self.truth.faces:
+            return self._stage(find_roofs, self.survey, self.points)
+        return self._stage(find_planes, self.survey)
 
     @cached_property
     def views(self) -> ViewTruth:
@@ -189,7 +197,7 @@ ERRORS = {
     "beams": {"beam_elevation_sigma_deg": 0.05, "beam_azimuth_sigma_deg": 0.05},
     "range": {"range_scale_ppm": 300.0, "range_noise_growth": 1.0},
     "roofs": {"roof_surface": "mixed"},
-    "natural": {"terrain": "natural", "ground_roughness_m": 0.03},
+    "natural": {"scene": "fields", "terrain": "natural", "ground_roughness_m": 0.03},
 }
 #: All that a flight may have at once.
 ERRORS["together"] = {
@@ -234,8 +242,9 @@ def planned(
                 for kind in errors:
                     key = SurveyKey(preset, profile, noise_scale, seed, kind)
                     config_of(key)  # refuses, before anything runs
-                    of_kind = replace(ANGLES_ONLY, found=True)
-                    surveys[key] = what if kind == SPECIFIED else of_kind
+                    of_kind = what if kind == SPECIFIED else ANGLES_ONLY
+                    found = preset == presets[0] and noise_scale == 1
+                    surveys[key] = replace(of_kind, found=found)
     return surveys
 
 
@@ -268,7 +277,8 @@ def measure(
     survey, tie_planes = flown.survey, flown.found.tie_planes
     rows = _Rows(flown.key, flown.truth.boresight)
     _add_survey(rows, flown)
-    _add_matching(rows, flown)
+    if flown.truth.faces:
+        _add_matching(rows, flown)
     rows.add_errors("before", survey.mounting.boresight - rows.boresight)
     results = {name: rows.calibrated(name, survey, tie_planes, name) for name in scenarios}
     results = {name: result for name, result in results.items() if result}

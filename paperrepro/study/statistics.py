@@ -113,6 +113,7 @@ class Evidence:
     """The rows of a study by setting, those of surveys with ``errors`` of one kind."""
 
     def __init__(self, rows: pd.DataFrame, errors: str = SPECIFIED):
+        self._rows = rows
         rows = rows[(rows.artefact == ARTEFACT) & (rows.errors == errors)]
         sigmas = rows.dropna(subset="sigma")
         sigmas = sigmas.assign(metric=SIGMA + sigmas.metric, value=sigmas.sigma)
@@ -120,6 +121,10 @@ class Evidence:
             index=["preset", "noise_scale", "profile", "seed"],
             columns=["scenario", "metric"], values="value", aggfunc="last",
         )  # fmt: skip
+
+    def under(self, errors: str) -> "Evidence":
+        """The same study's surveys with errors of another kind."""
+        return Evidence(self._rows, errors)
 
     def settings(self, preset: str | None = None) -> list[Setting]:
         """Settings with enough surveys: by preset, the paper's own noise first, then the least.
