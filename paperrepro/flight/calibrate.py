@@ -26,6 +26,7 @@ from paperrepro.method.coarse_to_fine import (
     sample_rays,
     silent,
 )
+from paperrepro.method.parameters import Parameters
 from paperrepro.method.patches import choose
 from paperrepro.method.tie_planes import Rejection, TiePlanes
 from paperrepro.survey import Survey
@@ -63,9 +64,14 @@ class OwnFlight:
 
 
 def calibrate_flight(
-    survey: Survey, scenario: str = "D", planes: str = "auto", progress: Progress = silent
+    survey: Survey,
+    scenario: str = "D",
+    planes: str = "auto",
+    progress: Progress = silent,
+    parameters: Parameters | None = None,
 ) -> OwnFlight:
-    """Calibrate ``survey`` from its own mounting as start; ``planes`` is one of `PLANES`.
+    """Calibrate ``survey`` from its own mounting as start; ``planes`` is one of `PLANES`,
+    ``parameters`` those of Table 2, for gable roofs.
 
     Raises `BadInput` for strips that do not overlap and for unknown words, `TooFewPlanes`,
     `RankDefect`, `NoConvergence`.
@@ -74,7 +80,7 @@ def calibrate_flight(
     _require_word("planes", planes, PLANES)
     points = sample_rays(survey)
     pairs = _require_overlap(survey, points.rays)
-    kind, found, remarks = _find(survey, points, planes, progress)
+    kind, found, remarks = _find(survey, points, planes, progress, parameters or Parameters())
     progress(f"scenario {scenario}: {found.tie_planes.n_planes} planes")
     result, tie_planes = _adjust(survey, found.tie_planes, scenario, found.boresights[-1])
     if scenario == "D" and len(set(tie_planes.strips)) < ENOUGH_STRIPS:
@@ -135,12 +141,14 @@ def _require_overlap(survey: Survey, samples):
     return pairs
 
 
-def _find(survey: Survey, points: Candidates, planes: str, progress: Progress):
+def _find(
+    survey: Survey, points: Candidates, planes: str, progress: Progress, parameters: Parameters
+):
     """Which planes, what was found, and what is to be said of the choice."""
     if planes == "any":
         return "any", find_planes(survey, points, progress=progress), []
     try:
-        found = find_roofs(survey, progress=progress)
+        found = find_roofs(survey, search=parameters.search, progress=progress)
     except (TooFewPlanes, RankDefect, NoConvergence) as error:
         if planes == "gables":
             raise
