@@ -130,7 +130,7 @@ def test_stopped_it_ends_cleanly_and_says_how_to_go_on(sweep, tmp_path, how):
         until(lambda: len(finished(tmp_path)) >= 2, process)
         processes = family(process)
         # a terminal sends Ctrl-C to the whole group, a cluster its signal to the job
-        (os.kill if how == signal.SIGTERM else os.killpg)(process.pid, how)
+        (os.killpg if how == signal.SIGINT else os.kill)(process.pid, how)
         out, err = process.communicate(timeout=PATIENCE_S)
         assert all_gone(processes), "workers or kernels outlive the sweep"
     kept = len(finished(tmp_path))
