@@ -21,6 +21,7 @@ from dask.system import CPU_COUNT
 from tqdm import tqdm
 
 from paperrepro._cache import cache_folder
+from paperrepro._files import require_folder
 from paperrepro.errors import BadInput
 from paperrepro.study.environment import ONE_THREAD, variables
 from paperrepro.study.grid import SEED, Fingerprint, Point, points, read_grid
@@ -175,10 +176,24 @@ def run_study(
     runs = [
         Point.of({**asdict(key), **asdict(what)}, job.asked, shown) for key, what in surveys.items()
     ]
-    with Store(cache_folder() / ARTEFACT / str(job.asked)[:12]) as store:
+    with _study_folder(job, progress) as folder, Store(folder) as store:
         finished = _make(job, runs, store, workers, scheduler, wait_s, retry_failed, progress)
         finished.rows = store.collate(runs)
     return finished
+
+
+@contextmanager
+def _study_folder(job: Job, progress: Progress) -> Iterator[Path]:
+    """Below the cache folder; where that cannot be written, for a while only."""
+    folder = cache_folder() / ARTEFACT / str(job.asked)[:12]
+    try:
+        require_folder(folder)
+    except BadInput as error:
+        progress(f"{str(error).split(';')[0]}: a study that is stopped begins anew")
+        with tempfile.TemporaryDirectory(prefix="study-") as name:
+            yield Path(name)
+    else:
+        yield folder
 
 
 def _refuse_what_cannot_be_simulated(runs: Sequence[Point]) -> None:

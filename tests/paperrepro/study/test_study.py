@@ -94,6 +94,14 @@ def test_what_fails_on_purpose_is_a_row_and_not_asked_again(cache, study):
     assert len(asked(cache)) == 2
 
 
+def test_without_a_cache_folder_a_study_is_made_all_the_same(cache, study, monkeypatch):
+    said = []
+    monkeypatch.setattr(workers, "cache_folder", lambda: cache / "asked" / "no folder")
+    (cache / "asked").touch()
+    assert study(Standin, progress=said.append).done == 1
+    assert any("a study that is stopped begins anew" in words for words in said)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("job", [Broken, Ended])
 def test_what_is_lost_is_no_row_and_makes_no_study(cache, study, job, capsys, monkeypatch):
