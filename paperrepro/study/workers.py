@@ -124,6 +124,7 @@ def run_sweep(
         Where a parameter is unknown, a point cannot be simulated, the folder is in use or cannot
         be written, no scheduler answers, or a worker has another version.
     """
+    _require_one_of(workers, scheduler)
     notebook, known = Path(notebook), declared(Path(notebook))
     named = any(text.startswith(f"{SEED}=") for text in grid)
     if seeds is None and SEED in known and not named:
@@ -171,6 +172,7 @@ def run_study(
     BadInput
         As in `run_sweep`.
     """
+    _require_one_of(workers, scheduler)
     job = SurveyJob(Fingerprint.of(SurveyJob.SOURCE))
     shown = [one.name for one in fields(SurveyKey)]
     runs = [
@@ -194,6 +196,16 @@ def _study_folder(job: Job, progress: Progress) -> Iterator[Path]:
             yield Path(name)
     else:
         yield folder
+
+
+def _require_one_of(workers: int | None, scheduler: str | None) -> None:
+    """Raises `BadInput` where both are given, or no number of workers."""
+    if workers is not None and scheduler:
+        raise BadInput(
+            "--workers and --scheduler: expected one of them; a scheduler brings its own workers"
+        )
+    if workers is not None and workers < 1:
+        raise BadInput(f"--workers: expected at least 1, got {workers}; give a number")
 
 
 def _refuse_what_cannot_be_simulated(runs: Sequence[Point]) -> None:
@@ -245,14 +257,8 @@ def _make(
 def cluster(scheduler: str | None = None, workers: int | None = None) -> Iterator[Client]:
     """A client of the workers of ``scheduler``, an address, or of so many new processes here.
 
-    Raises `BadInput` where no scheduler answers, or the number is no number of workers.
+    Raises `BadInput` where no scheduler answers.
     """
-    if workers is not None and scheduler:
-        raise BadInput(
-            "--workers and --scheduler: expected one of them; a scheduler brings its own workers"
-        )
-    if workers is not None and workers < 1:
-        raise BadInput(f"--workers: expected at least 1, got {workers}; give a number")
     if scheduler is None:
         with _local(workers or CPU_COUNT) as client:
             yield client
