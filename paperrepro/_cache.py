@@ -1,15 +1,22 @@
 """Expensive stages kept on disk, keyed by their arguments and by the code that makes them.
 
 Files lie in the user's cache folder, or in ``PAPERREPRO_CACHE``. A lock per entry lets two
-processes ask at once: one computes, the other waits. An entry is written whole or not at all.
+processes ask at once: one computes, the other waits. An entry is written whole or not at all, and
+read only if it is what was written: from a folder that nobody else can write into, since to load a
+pickle is to run it, and with the sum of its bytes. Whatever is wrong with a cache costs time, never
+the result.
 """
 
 import ast
 import functools
 import importlib.util
 import os
+import pickle
+import tempfile
 import time
+import zlib
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +24,7 @@ import joblib
 from filelock import FileLock
 
 from paperrepro import API
+from paperrepro._files import private_folder
 
 PACKAGES = ("paperrepro", "data_synth")
 #: Names that the lazy door of the package offers, in full, and their modules.
@@ -24,12 +32,19 @@ _API = {f"paperrepro.{name}": module for name, module in API.items()}
 #: Entries not read for so long are removed when a new one is written.
 KEPT_SECONDS = 14 * 24 * 3600
 _KEY = "_cache_key"
+_MISSING = object()
 
 
 def cache_folder() -> Path:
     """Where entries are kept."""
-    base = os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))
-    return Path(os.environ.get("PAPERREPRO_CACHE", Path(base) / "paperrepro"))
+    if given := os.environ.get("PAPERREPRO_CACHE"):
+        return Path(given)
+    if base := os.environ.get("XDG_CACHE_HOME"):
+        return Path(base) / "paperrepro"
+    try:
+        return Path.home() / ".cache" / "paperrepro"
+    except RuntimeError:  # a user without a home
+        return Path(tempfile.gettempdir()) / f"paperrepro-{os.getuid()}"
 
 
 def cached(function: Callable, *args: Any, **kwargs: Any) -> Any:
@@ -43,13 +58,31 @@ def cached(function: Callable, *args: Any, **kwargs: Any) -> Any:
     named = {name: _identity(value) for name, value in sorted(kwargs.items())}
     key = joblib.hash((function.__qualname__, code_version(function.__module__), identity, named))
     path = cache_folder() / function.__name__ / f"{key}.joblib"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with FileLock(path.with_suffix(".lock")):
-        if not path.exists():
-            _store(function(*args, **kwargs), path)
-        path.touch()
-        value = joblib.load(path, mmap_mode="c")
+    if not private_folder(path.parent, "*.joblib"):
+        return _mark(function(*args, **kwargs), key)
+    with _locked(path):
+        value = _load(path)
+        if value is _MISSING:
+            value = function(*args, **kwargs)
+            if _store(value, path):
+                again = _load(path)
+                value = value if again is _MISSING else again
     return _mark(value, key)
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Alone with the entry, where the folder knows locks."""
+    lock = FileLock(path.with_suffix(".lock"))
+    try:
+        lock.acquire()
+    except (OSError, NotImplementedError):
+        lock = None
+    try:
+        yield
+    finally:
+        if lock is not None:
+            lock.release()
 
 
 def _identity(value: Any) -> Any:
@@ -65,16 +98,48 @@ def _mark(value: Any, key: str) -> Any:
     return value
 
 
-def _store(value: Any, path: Path) -> None:
-    part = path.with_suffix(f".{os.getpid()}.part")
+def _load(path: Path) -> Any:
+    """What the entry holds, or `_MISSING`; a damaged one is removed."""
+    try:
+        size, crc = map(int, path.with_suffix(".sum").read_text().split())
+        if path.stat().st_size != size or _crc(path) != crc:
+            raise ValueError("not what was written")
+        path.touch()
+        return joblib.load(path, mmap_mode="c")
+    except FileNotFoundError:
+        return _MISSING
+    except Exception:  # unpickling raises whatever the bytes make it raise
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+        return _MISSING
+
+
+def _store(value: Any, path: Path) -> bool:
+    """Whether ``value`` could be written to ``path``."""
+    part, note = path.with_suffix(f".{os.getpid()}.part"), path.with_suffix(".sum")
     try:
         joblib.dump(value, part)
+        written = f"{part.stat().st_size} {_crc(part)}\n"
+        note.with_suffix(".part").write_text(written)
+        os.replace(note.with_suffix(".part"), note)
         os.replace(part, path)
+        for old in path.parent.glob("*.joblib"):
+            if time.time() - old.stat().st_mtime > KEPT_SECONDS:
+                old.unlink(missing_ok=True)
+    except (OSError, pickle.PicklingError):
+        return False
     finally:
-        part.unlink(missing_ok=True)
-    for old in path.parent.glob("*.joblib"):
-        if time.time() - old.stat().st_mtime > KEPT_SECONDS:
-            old.unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+    return True
+
+
+def _crc(path: Path) -> int:
+    crc = 0
+    with path.open("rb") as file:
+        while block := file.read(1 << 24):
+            crc = zlib.crc32(block, crc)
+    return crc
 
 
 @functools.cache

@@ -11,15 +11,22 @@ ray to ray. The sine and cosine of the ray before, turned by a short series, cos
 and are as exact.
 """
 
+import atexit
 import functools
 import hashlib
 import os
+import shutil
+import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import numba
 import numpy as np
+from numba.core import caching
+
+from paperrepro._files import private_folder
 
 #: Tasks that a call is cut into at most, whatever the number of threads: what a task starts from
 #: is then the same on every machine, to the last bit.
@@ -40,12 +47,48 @@ def source_key(package: Path) -> str:
 
 
 def keep_apart() -> None:
-    """Name numba's folder; to be called before the first kernel is defined."""
-    package = Path(__file__).parent
-    base = Path(numba.config.CACHE_DIR or package / "__pycache__")
-    numba.config.CACHE_DIR = str(base / f"kernels-{source_key(package)}")
+    """Name numba's folder; to be called before the first kernel is defined.
+
+    Beside the package, or in the user's cache; where neither can be written, or is open to others,
+    in one that ends with the process.
+    """
+    package, key = Path(__file__).parent, source_key(Path(__file__).parent)
+    given = numba.config.CACHE_DIR
+    homes = (os.environ.get("XDG_CACHE_HOME"), os.path.expanduser("~/.cache"))
+    bases = (
+        [given] if given else [package / "__pycache__", *(f"{h}/paperrepro" for h in homes if h)]
+    )
+    for folder in (Path(base) / f"kernels-{key}" for base in bases):
+        if private_folder(folder):
+            numba.config.CACHE_DIR = str(folder)
+            return
+    numba.config.CACHE_DIR = tempfile.mkdtemp(prefix=f"kernels-{key}-")
+    atexit.register(shutil.rmtree, numba.config.CACHE_DIR, ignore_errors=True)
 
 
+class _Kernels(caching.IndexDataCacheFile):
+    """Compiled kernels on disk: a damaged file, or one that cannot be written, is none."""
+
+    def load(self, key):
+        """The kernel, or None."""
+        try:
+            return super().load(key)
+        except Exception:  # unpickling raises whatever the bytes make it raise
+            return None
+
+    def save(self, key, data):
+        """Write the kernel, over a damaged index too."""
+        with suppress(OSError):
+            try:
+                super().save(key, data)
+            except OSError:
+                raise
+            except Exception:
+                self.flush()
+                super().save(key, data)
+
+
+caching.IndexDataCacheFile = _Kernels
 keep_apart()
 
 

@@ -5,6 +5,7 @@ A process that is killed leaves a draft; whoever writes there next clears it awa
 
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -133,3 +134,29 @@ def _remove_empty(folder: Path, made: Path | None) -> None:
             return
         if path == made:
             return
+
+
+def private_folder(folder: Path, entries: str = "**/*") -> bool:
+    """Whether ``folder``, made if it is not there, is the user's own, and nobody else's business.
+
+    Pickles are run when they are read, so a folder that others could write into is not read: where
+    it is ours, the files like ``entries`` in it are removed and it is closed to others.
+    """
+    folder = Path(folder)
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        state = folder.lstat()
+        if not stat.S_ISDIR(state.st_mode) or not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
+            return False
+        if os.name == "nt":
+            return True
+        if state.st_uid != os.geteuid():
+            return False
+        if state.st_mode & 0o077:
+            for path in folder.glob(entries):
+                if path.is_file():
+                    path.unlink()
+            folder.chmod(0o700)
+    except (OSError, RuntimeError):
+        return False
+    return True

@@ -313,9 +313,9 @@ def _calibrate(options: argparse.Namespace) -> int:
             options.strips, options.trajectory, options.mounting, accuracy=options.accuracy,
             crs=options.crs, ring_dimension=options.ring_dimension,
         )  # fmt: skip
-        own = pr.calibrate_flight(
-            flight.survey, options.scenario, options.planes, steps, parameters
-        )
+        if options.write_strips:
+            pr.flight.write.require_writable(flight, options.out)
+        own = pr.calibrate_flight(flight, options.scenario, options.planes, steps, parameters)
         steps("report")
         calibration.write(own, draft / calibration.NAME, notes=list(flight.notes))
         pictures = pr.figures.flight.pictures(own)
@@ -323,10 +323,10 @@ def _calibrate(options: argparse.Namespace) -> int:
         (draft / pages.NAME).write_text(page, encoding="utf-8", newline="\n")
         if options.write_strips:
             steps("adjusted strips")
-            pr.flight.write.adjust_strips(flight, own.result.calibrated, draft)
+            pr.flight.write.write_strips(flight, own.result.calibrated, draft)
     say = _say(options)
     say(f"{options.out}: {calibration.NAME}, {pages.NAME}")
-    say("\n".join([*flight.notes, *own.remarks, *calibration.summary(own.result)]))
+    say("\n".join([*flight.notes, own.summary()]))
     return 0
 
 
@@ -368,18 +368,13 @@ def _apply_options(commands) -> None:
 
 def _apply(options: argparse.Namespace) -> int:
     say = _say(options)
-    flight = pr.read_flight(
-        options.strips, options.trajectory, options.mounting,
+    applied = pr.apply_calibration(
+        options.strips, options.trajectory, options.mounting, options.calibration, options.out,
         crs=options.crs, ring_dimension=options.ring_dimension,
     )  # fmt: skip
-    survey = flight.survey
-    mounting = pr.flight.calibration_file.read_calibration(
-        options.calibration, survey.mounting, survey.scanner.n_rings
-    )
-    for note in flight.notes:
+    for note in applied.notes:
         say(f"note: {note}")
-    written = pr.flight.write.adjust_strips(flight, mounting, options.out)
-    say(f"{options.out}: {len(written)} strips, {sum(file.count for file in flight.files)} points")
+    say(f"{options.out}: {len(applied.strips)} strips, {applied.points} points")
     return 0
 
 
@@ -453,6 +448,8 @@ def _study_options(commands) -> None:
     words = "factors on the GNSS/INS error"
     command.option("--noise-scale", words, (0.5, 1.0, 2.0), type=_numbers, metavar="0.5,1,2")
     command.option("--preset", "true boresights", PRESETS, type=_names, metavar="mount,table4")
+    words = "kinds of errors, such as specified,smoother,clock"
+    command.option("--errors", words, ("specified",), type=_names, metavar="specified,clock")
     command.option("--profile", "one pulse in 16, or all", "quick", choices=PROFILES)
     command.option("--out", "where the rows go", STUDY, type=Path)
     _workers(command)
@@ -461,8 +458,9 @@ def _study_options(commands) -> None:
 def _study(options: argparse.Namespace) -> int:
     say, tidy = _say(options), pr.study.rows
     surveys = pr.study.simulated.planned(
-        options.seeds, options.coverage_seeds, options.noise_scale, options.preset, options.profile
-    )
+        options.seeds, options.coverage_seeds, options.noise_scale, options.preset, options.profile,
+        options.errors,
+    )  # fmt: skip
     require_folder(options.out.parent)
     finished = pr.run_study(surveys, progress=say, **_work(options))
     _print_failures(finished, f"see the rows of metric {tidy.FAILED}")

@@ -19,6 +19,9 @@ import numpy as np
 
 from paperrepro.errors import NotARotation
 
+#: The boresight's angles, and what they turn about in words.
+ANGLES, AXIS_WORDS = ("omega", "phi", "kappa"), ("roll", "pitch", "yaw")
+
 #: North-east-down to east-north-up; its own inverse.
 T_NED_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 

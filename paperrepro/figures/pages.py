@@ -25,7 +25,6 @@ from paperrepro import __version__
 from paperrepro._files import write_text
 from paperrepro.errors import BadInput
 from paperrepro.flight.calibrate import OwnFlight
-from paperrepro.flight.calibration_file import contradictions
 from paperrepro.method.accuracy import median_ratio, rmse
 from paperrepro.method.adjustment.observability import AXIS_WORDS
 from paperrepro.paper.artefacts import ARTEFACTS, Artefact, Values, caption
@@ -289,7 +288,7 @@ def calibration_page(
         own=own, result=result, seen=result.observability, scenario_words=SCENARIOS,
         reasons=str(result.observability).split("; ")[2:], strips=len(own.survey.strips),
         scanner=scanner.name, navigation=own.survey.navigation.name, pictures=pictures,
-        files=files, notes=[*notes, *own.remarks, *contradictions(own)], angles=_angles(own),
+        files=files, notes=[*notes, *own.remarks, *own.contradictions], angles=_angles(own),
         offsets=_offsets(own), pairs=_pairs(own), planes=_planes(own), rejected=_rejected(own),
         noise=_noise(own), weak=_reliability(own), cm=CM, ratio=median_ratio(own.distances),
         passes=np.degrees(own.boresights),

@@ -6,18 +6,20 @@ where there are not. Scenario D estimates how noisy trajectory and laser were, f
 """
 
 from dataclasses import dataclass, replace
+from html import escape
 
 import numpy as np
 
 from paperrepro.errors import BadInput, NoConvergence, RankDefect, TooFewPlanes
+from paperrepro.flight.agreement import implausible, require_agreement
+from paperrepro.flight.read import Flight
 from paperrepro.method.accuracy import PairDistances, overlaps, pair_distances
-from paperrepro.method.adjustment import trajectory_errors
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES, calibrate
-from paperrepro.method.adjustment.conditions import Unknowns, face_states
 from paperrepro.method.adjustment.model_checks import Check, model_checks
 from paperrepro.method.adjustment.observability import AXIS_WORDS
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.screening import screen
+from paperrepro.method.adjustment.trajectory_errors import few_planes, find_noise
 from paperrepro.method.coarse_to_fine import (
     Candidates,
     Progress,
@@ -27,7 +29,6 @@ from paperrepro.method.coarse_to_fine import (
     silent,
 )
 from paperrepro.method.parameters import Parameters
-from paperrepro.method.patches import choose
 from paperrepro.method.tie_planes import Rejection, TiePlanes
 from paperrepro.survey import Survey
 
@@ -38,18 +39,32 @@ ENOUGH_GABLES = 12
 #: Strips from which on the noise of the trajectory is told from the boresight: in two lines half of
 #: the boresight and an error of either look alike.
 ENOUGH_STRIPS = 4
-#: Planes and points a face from which noise is estimated.
-NOISE_PLANES, NOISE_POINTS = 30, 150
 
 
 @dataclass(frozen=True)
 class OwnFlight:
     """What a calibration of a flight found.
 
-    ``planes``: ``gables`` or ``any``; ``result``; ``tie_planes`` faces that went into it;
-    ``rejected`` faces, wrong matches of the last pass and of the adjustment; ``boresights``
-    (passes + 1, 3) rad as the passes went; ``distances`` of the pairs of strips; ``remarks``, a
-    sentence each; ``checks`` of the model under which sigma hold.
+    Attributes
+    ----------
+    survey : Survey
+        As it was given.
+    planes : str
+        ``gables`` or ``any``.
+    result : CalibrationResult
+        Of the adjustment.
+    tie_planes : TiePlanes
+        The tie planes that went into it.
+    rejected : tuple of Rejection
+        Gross errors of the last search and of the adjustment.
+    boresights : (searches + 1, 3) array, rad
+        As the search went.
+    distances : tuple of PairDistances
+        Between the strips of each pair, before and after.
+    remarks : tuple of str
+        A sentence each.
+    checks : tuple of Check
+        Of the model under which sigma hold.
     """
 
     survey: Survey
@@ -62,25 +77,67 @@ class OwnFlight:
     remarks: tuple[str, ...]
     checks: tuple[Check, ...] = ()
 
+    def summary(self) -> str:
+        """Lines for a terminal: remarks, the angles with their sigma, the fit, what is weak, and
+        where the data contradict the model."""
+        checks = [f"  check: {sentence}" for sentence in self.contradictions]
+        return "\n".join([*self.remarks, self.result.summary(), *checks])
+
+    @property
+    def contradictions(self) -> list[str]:
+        """Sentences of the checks that did not pass."""
+        return [check.sentence for check in self.checks if not check.passed]
+
+    def __repr__(self) -> str:
+        strips = ", ".join(strip.name for strip in self.survey.strips)
+        return f"OwnFlight({strips}; {self.result!r}; {len(self.remarks)} remarks)"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>"
+
 
 def calibrate_flight(
-    survey: Survey,
+    flight: Flight | Survey,
     scenario: str = "D",
     planes: str = "auto",
     progress: Progress = silent,
     parameters: Parameters | None = None,
 ) -> OwnFlight:
-    """Calibrate ``survey`` from its own mounting as start; ``planes`` is one of `PLANES`,
-    ``parameters`` those of Table 2, for gable roofs.
+    """Calibrate a flight, from its own mounting as start.
 
-    Raises `BadInput` for strips that do not overlap and for unknown words, `TooFewPlanes`,
-    `RankDefect`, `NoConvergence`.
+    Parameters
+    ----------
+    flight : Flight or Survey
+        As `read_flight` gives it, or a survey from elsewhere.
+    scenario : str
+        ``SL``, ``A``, ``B``, ``C`` of the paper, or ``D``, ours.
+    planes : str
+        ``gables``, ``any``, or ``auto``: gables where there are enough.
+    progress : callable
+        Given a sentence for each step.
+    parameters : Parameters, optional
+        Table 2, for gable roofs.
+
+    Returns
+    -------
+    OwnFlight
+        Boresight with its covariance, distances between the strips, remarks.
+
+    Raises
+    ------
+    BadInput
+        Strips that do not overlap; unknown words; a mistake of the trajectory, such as a wrong sign
+        of roll, that shows in the strips' agreement alone.
+    TooFewPlanes, RankDefect, NoConvergence
+        Where the flight does not determine the boresight.
     """
     _require_word("scenario", scenario, SCENARIO_NAMES)
     _require_word("planes", planes, PLANES)
+    survey = flight.survey if isinstance(flight, Flight) else flight
     points = sample_rays(survey)
     pairs = _require_overlap(survey, points.rays)
-    kind, found, remarks = _find(survey, points, planes, progress, parameters or Parameters())
+    kind, found, remarks = _find(survey, points, planes, progress, parameters)
+    require_agreement(survey, found.tie_planes, getattr(flight, "trajectory", "trajectory"))
     progress(f"scenario {scenario}: {found.tie_planes.n_planes} planes")
     result, tie_planes = _adjust(survey, found.tie_planes, scenario, found.boresights[-1])
     if scenario == "D" and len(set(tie_planes.strips)) < ENOUGH_STRIPS:
@@ -88,22 +145,15 @@ def calibrate_flight(
             f"The trajectory's noise was taken as specified, to a factor of three: "
             f"{len(set(tie_planes.strips))} strips do not show it, {ENOUGH_STRIPS} would."
         )
-    remarks += _constants(result)
+    remarks += [*_constants(result), *implausible(result)]
     checks = model_checks(result, survey, tie_planes, found.boresights[-1])
     progress(f"distances of {len(pairs)} pairs of strips")
     distances = pair_distances(points.rays, pairs, survey.mounting, result.calibrated)
     rejected = (*found.rejected, *result.rejected)
     return OwnFlight(
-        survey,
-        kind,
-        result,
-        tie_planes,
-        rejected,
-        found.boresights,
-        distances,
-        tuple(remarks),
+        survey, kind, result, tie_planes, rejected, found.boresights, distances, tuple(remarks),
         checks,
-    )
+    )  # fmt: skip
 
 
 def _constants(result: CalibrationResult) -> list[str]:
@@ -115,8 +165,8 @@ def _constants(result: CalibrationResult) -> list[str]:
     if not words:
         return []
     return [
-        f"Sigma hold a constant error of the attitude ({', '.join(words)}), which no data tell "
-        "from the boresight: the specification allows it, the flight does not show it."
+        f"Sigma hold a constant error of attitude ({', '.join(words)}), which no data tell from "
+        "the boresight: the specification allows it, the flight does not show it."
     ]
 
 
@@ -142,13 +192,15 @@ def _require_overlap(survey: Survey, samples):
 
 
 def _find(
-    survey: Survey, points: Candidates, planes: str, progress: Progress, parameters: Parameters
-):
+    survey: Survey, points: Candidates, planes: str, progress: Progress,
+    parameters: Parameters | None,
+):  # fmt: skip
     """Which planes, what was found, and what is to be said of the choice."""
     if planes == "any":
         return "any", find_planes(survey, points, progress=progress), []
     try:
-        found = find_roofs(survey, search=parameters.search, progress=progress)
+        search = (parameters or Parameters()).search
+        found = find_roofs(survey, search=search, progress=progress)
     except (TooFewPlanes, RankDefect, NoConvergence) as error:
         if planes == "gables":
             raise
@@ -170,19 +222,9 @@ def _adjust(
     found, start = None, replace(survey, mounting=survey.mounting.with_calibration(near))
     if scenario == "D":
         enough = len(set(tie_planes.strips)) >= ENOUGH_STRIPS
-        found = trajectory_errors.find_noise(start, _few(start, tie_planes), near, enough)
+        found = find_noise(start, few_planes(tie_planes, start.mounting), near, enough)
     result = calibrate(start, tie_planes, scenario, found=found)
     kept = tie_planes.subset(screen(start, tie_planes).kept) if result.rejected else tie_planes
-    unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, "none")
-    before = face_states(kept.rays, kept.plane_ranges, unknowns, unknowns.start()).rms
+    before = kept.plane_states(survey.mounting).rms
     changed = {"mounting": survey.mounting, "rms_before": before}
     return replace(result, **changed), kept
-
-
-def _few(survey: Survey, tie_planes: TiePlanes) -> TiePlanes:
-    """At most `NOISE_PLANES` planes that face many ways, and few points of each."""
-    unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, "none")
-    states = face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, unknowns.start())
-    views = np.bincount(tie_planes.plane)
-    planes = choose(states.plane[:, :3], states.centroid, views, NOISE_PLANES)
-    return tie_planes.subset(np.isin(tie_planes.plane, planes)).thinned(NOISE_POINTS)

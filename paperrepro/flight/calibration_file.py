@@ -1,31 +1,38 @@
-"""``calibration.json``: what a calibration found, in numbers that another program can read.
-
-`calibration.json` back to a mounting.
-"""
+"""``calibration.json``: what a calibration found, in numbers that another program can read, and
+back to a mounting, if the numbers can be one and belong to this scanner."""
 
 import json
-from dataclasses import replace
+import re
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from paperrepro import __version__
+from paperrepro._files import write_text
 from paperrepro.errors import BadInput
 from paperrepro.flight.calibrate import OwnFlight
+from paperrepro.frames import ANGLES, AXIS_WORDS
 from paperrepro.method.accuracy import PairDistances, rmse
 from paperrepro.method.adjustment.model_checks import Check
-from paperrepro.method.adjustment.observability import AXIS_WORDS, Observability
-from paperrepro.method.adjustment.result import CalibrationResult
-from paperrepro.survey import Mounting
+from paperrepro.method.adjustment.observability import Observability
+from paperrepro.method.adjustment.quality import Reliability
+from paperrepro.survey import Mounting, Scanner
 
 NAME = "calibration.json"
-ANGLES = ("omega", "phi", "kappa")
+#: No boresight (deg), range offset, lever arm (m) or sigma (deg) of a calibration is larger.
+LARGEST = {"boresight_deg": 15.0, "range_offsets_m": 1.0, "lever_arm_m": 10.0, "sigma_deg": 5.0}
+#: An adjusted lever arm is this near to the nominal one, m.
+LEVER_ARM_MOVES = 1.0
+#: Nominal rotations and lever arms, and beams (deg), that are the same.
+SAME, SAME_BEAM_DEG = 1e-6, 0.5
+REMEDY = "give the calibration.json of a calibration of this scanner and mounting"
 
 
 def write(own: OwnFlight, path: Path, **origin) -> None:
     """Write `document` to ``path``; ``origin`` is added as it is."""
     text = json.dumps(document(own) | origin, indent=2, ensure_ascii=False, allow_nan=False)
-    Path(path).write_text(text + "\n", encoding="utf-8", newline="\n")
+    write_text(path, text + "\n")
 
 
 def document(own: OwnFlight) -> dict:
@@ -40,8 +47,16 @@ def document(own: OwnFlight) -> dict:
         "sigma_deg": _by_angle(result.sigma),
         "covariance_deg2": (result.covariance[:3, :3] * to_deg**2).tolist(),
         "range_offsets_m": None if offsets is None else offsets.tolist(),
-        "sigma_range_offsets_m": None if sigma is None else _own_offsets(sigma, offsets),
+        "sigma_range_offsets_m": None if sigma is None else sigma[: len(offsets)].tolist(),
         "lever_arm_m": np.asarray(result.calibrated.lever_arm, float).tolist(),
+        "nominal": {
+            "rotation": own.survey.mounting.R_nominal.tolist(),
+            "lever_arm_m": np.asarray(own.survey.mounting.lever_arm, float).tolist(),
+        },
+        "scanner": {
+            "name": own.survey.scanner.name,
+            "beam_elevations_deg": np.degrees(own.survey.scanner.beam_elevations).tolist(),
+        },
         "sigma0": result.sigma0,
         "n_planes": result.n_planes,
         "n_points": result.n_points,
@@ -50,6 +65,7 @@ def document(own: OwnFlight) -> dict:
         "rmse_after_m": result.rmse_after,
         "iterations": result.iterations,
         "observability": _observability(result.observability),
+        "reliability": None if result.reliability is None else _reliability(result.reliability),
         "noise_factors": result.components,
         "strip_pairs": [_pair(pair) for pair in own.distances],
         "rejected": [_rejected(face) for face in own.rejected],
@@ -63,10 +79,6 @@ def _by_angle(values_rad: np.ndarray) -> dict[str, float]:
     return dict(zip(ANGLES, np.degrees(values_rad[:3]).tolist(), strict=True))
 
 
-def _own_offsets(sigma: np.ndarray, offsets: np.ndarray) -> list[float]:
-    return sigma[: len(offsets)].tolist()
-
-
 def _observability(seen: Observability) -> dict:
     lasting = seen.lasting_sigma
     return {
@@ -78,6 +90,26 @@ def _observability(seen: Observability) -> dict:
         "lasting_sigma_deg": None if lasting is None else _by_angle(lasting),
         "range_offsets_determined": seen.offsets_determined,
         "words": str(seen),
+    }
+
+
+def _reliability(found: Reliability) -> dict:
+    """Of each view, in the order of the tie planes: what could hide in it, and what that does."""
+    columns = zip(found.strip, found.plane, found.redundancy, found.detectable, found.turns,
+                  found.bias, found.standardised, strict=True)  # fmt: skip
+    views = [
+        {
+            "strip": strip, "plane": int(plane), "redundancy": float(redundancy),
+            "detectable_m": float(detectable), "turns_deg": _by_angle(turns),
+            "bias_m": float(bias), "standardised": float(standardised),
+        }
+        for strip, plane, redundancy, detectable, turns, bias, standardised in columns
+    ]  # fmt: skip
+    return {
+        "views": views,
+        "least_redundancy": float(found.redundancy.min()),
+        "largest_detectable_m": float(found.detectable.max()),
+        "largest_turns_deg": _by_angle(np.abs(found.turns).max(axis=0)),
     }
 
 
@@ -111,65 +143,145 @@ def _check(check: Check) -> dict:
     return {"name": check.name, "value": check.value} | limits | passed
 
 
-def contradictions(own: OwnFlight) -> list[str]:
-    """Sentences of the checks that did not pass."""
-    return [check.sentence for check in own.checks if not check.passed]
+@dataclass(frozen=True)
+class Calibration:
+    """A file's ``mounting``, and ``notes`` on what it says of itself, a sentence each."""
+
+    mounting: Mounting
+    notes: tuple[str, ...] = ()
 
 
-def summary(result: CalibrationResult) -> list[str]:
-    """Lines for a terminal: the angles with their sigma, the fit, what is weak."""
-    angles = [
-        f"  {name:5s} {np.degrees(value):+9.4f}° ± {np.degrees(sigma):.4f}°  ({axis})"
-        for name, value, sigma, axis in zip(
-            ANGLES, result.boresight, result.sigma, AXIS_WORDS, strict=True
-        )
-    ]
-    fit = (
-        f"  {result.n_planes} planes, {result.n_points} points, sigma0 {result.sigma0:.2f}, "
-        f"RMSE {100 * result.rmse_before:.1f} cm before, {100 * result.rmse_after:.1f} cm after"
-    )
-    return [f"scenario {result.scenario}", *angles, fit, f"  {result.observability}"]
+def read_calibration(path: Path, nominal: Mounting, scanner: Scanner | None = None) -> Calibration:
+    """``nominal`` with the boresight of the file, its range offsets, one for each beam of
+    ``scanner``, and its lever arm where it names them.
 
-
-def read_calibration(path: Path, nominal: Mounting, n_rings: int) -> Mounting:
-    """``nominal`` with the boresight of the file, its range offsets, one for each of ``n_rings``
-    beams, and its lever arm where it names them. Raises `BadInput`."""
+    Raises `BadInput` for numbers that no calibration has, another version, and a calibration of
+    another mounting or, where it is given, another scanner.
+    """
     path = Path(path)
     content = _load(path)
-    degrees = content.get("boresight_deg")
-    if not isinstance(degrees, dict) or any(name not in degrees for name in ANGLES):
-        raise BadInput(
-            f"{path}: expected boresight_deg with omega, phi and kappa, got {degrees!r}; give the "
-            "calibration.json of a calibration"
-        )
-    boresight = _finite([degrees[name] for name in ANGLES], 3, f"{path}: boresight_deg")
+    _require_version(content.get("paperrepro"), path)
+    boresight = _by_name(content, "boresight_deg", path)
+    if content.get("sigma_deg") is not None and (_by_name(content, "sigma_deg", path) <= 0).any():
+        raise BadInput(f"{path}: sigma_deg: expected numbers above 0; {REMEDY}")
     offsets = content.get("range_offsets_m")
     if offsets is not None:
-        offsets = _finite(offsets, n_rings, f"{path}: range_offsets_m")
+        offsets = _numbers(content, "range_offsets_m", scanner and scanner.n_rings, path)
     mounting = nominal.with_calibration(np.radians(boresight), offsets)
     if content.get("lever_arm_m") is not None:
-        lever_arm = _finite(content["lever_arm_m"], 3, f"{path}: lever_arm_m")
+        lever_arm = _numbers(content, "lever_arm_m", 3, path)
+        moved = float(np.linalg.norm(lever_arm - nominal.lever_arm))
+        if moved > LEVER_ARM_MOVES:
+            raise BadInput(
+                f"{path}: lever_arm_m lies {moved:.2f} m from that of the mounting: it is of "
+                f"another one; {REMEDY}"
+            )
         mounting = replace(mounting, lever_arm=lever_arm)
-    return mounting
+    _require_same(content, nominal, scanner, path)
+    seen = content.get("observability")
+    unseen = seen.get("undetermined") if isinstance(seen, dict) else None
+    if isinstance(unseen, list) and unseen:
+        angles = ", ".join(map(str, unseen))
+        return Calibration(
+            mounting, (f"{path}: says of itself that its flight did not determine {angles}",)
+        )
+    return Calibration(mounting)
 
 
 def _load(path: Path) -> dict:
     if not path.is_file():
-        raise BadInput(f"{path}: no such file; give the calibration.json of a calibration")
+        raise BadInput(f"{path}: no such file; {REMEDY}")
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise BadInput(f"{path}: expected JSON, {error}; give a calibration.json") from error
+        content = json.loads(path.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        why = str(error).splitlines()[0]
+        raise BadInput(f"{path}: expected JSON, {why}; {REMEDY}") from error
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); mend that") from error
     if not isinstance(content, dict):
-        raise BadInput(f"{path}: expected a JSON object; give the calibration.json")
+        raise BadInput(f"{path}: expected a JSON object; {REMEDY}")
     return content
 
 
-def _finite(values, count: int, where: str) -> np.ndarray:
-    try:
-        numbers = np.array(values, float)
-    except (TypeError, ValueError):
-        numbers = np.empty(0)
-    if numbers.shape != (count,) or not np.isfinite(numbers).all():
-        raise BadInput(f"{where}: expected {count} finite numbers, got {values!r}; calibrate again")
+def _require_version(version, path: Path) -> None:
+    """None, or one whose file this version understands."""
+    if version is None:
+        return
+    written = re.match(r"(\d{1,6})\.(\d{1,6})", version) if isinstance(version, str) else None
+    ours = re.match(r"(\d+)\.(\d+)", __version__)
+    if written is None or tuple(map(int, written.groups())) > tuple(map(int, ours.groups())):
+        raise BadInput(
+            f"{path}: expected a file of paperrepro up to {__version__}, got {_short(version)}; "
+            "calibrate with this version, or apply with the newer one"
+        )
+
+
+def _by_name(content: dict, key: str, path: Path) -> np.ndarray:
+    """(3,) of an entry by angle."""
+    named = content.get(key)
+    if not isinstance(named, dict) or any(name not in named for name in ANGLES):
+        raise BadInput(
+            f"{path}: expected {key} with omega, phi and kappa, got {_short(named)}; {REMEDY}"
+        )
+    return _numbers({key: [named[name] for name in ANGLES]}, key, 3, path)
+
+
+def _numbers(content: dict, key: str, count: int | None, path: Path) -> np.ndarray:
+    """So many numbers, within reason."""
+    values = content[key]
+    numbers = np.empty(0)
+    if isinstance(values, list) and all(type(value) in (int, float) for value in values):
+        numbers = np.array([float(value) if abs(value) < 1e300 else np.inf for value in values])
+    if (
+        not len(numbers)
+        or len(numbers) != (count or len(numbers))
+        or not np.isfinite(numbers).all()
+    ):
+        raise BadInput(
+            f"{path}: {key}: expected {count or 'some'} finite numbers, got {_short(values)}; "
+            f"{REMEDY}"
+        )
+    if np.abs(numbers).max() > LARGEST[key]:
+        raise BadInput(
+            f"{path}: {key}: expected numbers up to {LARGEST[key]:g}, got "
+            f"{numbers[np.abs(numbers).argmax()]:g}; {REMEDY}"
+        )
     return numbers
+
+
+def _require_same(content: dict, nominal: Mounting, scanner: Scanner | None, path: Path) -> None:
+    """Mounting and scanner of the calibration, where it names them, are those of the strips."""
+    for name, expected in (("rotation", nominal.R_nominal), ("lever_arm_m", nominal.lever_arm)):
+        found = _optional(content, "nominal", name)
+        if found is not None and not _alike(found, expected, SAME):
+            raise BadInput(
+                f"{path}: nominal {name} is not that of the mounting given: it was calibrated with "
+                f"another one; {REMEDY}"
+            )
+    found = _optional(content, "scanner", "beam_elevations_deg")
+    if scanner is None or found is None:
+        return
+    if not _alike(found, np.degrees(scanner.beam_elevations), SAME_BEAM_DEG):
+        raise BadInput(
+            f"{path}: its scanner ({_short(content['scanner'].get('name'))}) has other beams than "
+            f"that of the strips ({scanner.name}); {REMEDY}"
+        )
+
+
+def _optional(content: dict, table: str, key: str):
+    found = content.get(table)
+    return found.get(key) if isinstance(found, dict) else None
+
+
+def _alike(found, expected, tolerance: float) -> bool:
+    try:
+        found = np.array(found, float)
+    except (TypeError, ValueError, OverflowError):
+        return False
+    return found.shape == np.shape(expected) and bool(np.abs(found - expected).max() <= tolerance)
+
+
+def _short(value) -> str:
+    """A value for a message, cut where it is long."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

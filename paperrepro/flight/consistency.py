@@ -1,358 +1,363 @@
-"""What the rays say of a flight's files: accepted, put right with a word, or refused.
+"""Do strips, trajectory, mounting and scanner belong together? Accepted, mended, or refused.
 
-Put right, where the remedy is one number or a known convention and the rays then fit: heights above
-the geoid, leap seconds, a heading against grid north or against the wander frame. Everything else
-is refused, and the error names the mistake under which the rays would fit (`mistakes`).
-
-Mistakes that the rays can name: under which of them would the points fit the beams?
+Two tests: the points lie near the trajectory, and the rays to them fit the beams (`ray_test`).
+Where one fails, the hypotheses of one table are tried: each is a mistake that files are known to
+hold, with the change that undoes it. A hypothesis that is a known convention, or one number that
+the rays determine, is mended with a note: leap seconds, a heading against grid north or the wander
+frame, heights above the geoid, a datum or epoch a few metres off. Every other one is refused, by an
+error that names it. What no ray can tell, a turn about the spin axis, is tested by `calibrate` on
+the strips' agreement, with the same table.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
 from paperrepro.errors import BadInput, OutsideTrajectory
 from paperrepro.flight import mounting, ray_test
-from paperrepro.flight.decoding import FOOT, UNKNOWN_RING
+from paperrepro.flight.hypotheses import (
+    CLOCKS,
+    GRID_NORTH,
+    HEADINGS,
+    TABLE,
+    Evidence,
+    Hypothesis,
+    StripSample,
+    zones,
+)
 from paperrepro.flight.mounting import MountingFile
-from paperrepro.flight.ray_test import Fit, Reading, Sample
-from paperrepro.survey import Mounting, Scanner, Trajectory
+from paperrepro.flight.ray_test import Fit
+from paperrepro.survey import Scanner
 
-#: UTC is behind GPS time by so much: since 2017, 2015, 2012, 2009, 2006.
-LEAP_SECONDS = (18.0, 17.0, 16.0, 15.0, 14.0)
-#: Scatter that is taken, with a word: coordinates from another solution of the trajectory.
+#: Scatter that is taken, with a note: coordinates from another solution of the trajectory.
 TOLERATED = float(np.radians(0.15))
 #: Medians further than this from the table, rad, are the unit's own elevations.
 SAME_BEAM = float(np.radians(0.005))
 #: A scatter below this, rad, is not looked at further.
 SCATTER_SEEN = float(np.radians(0.002))
+#: A convergence of the meridians that matters, rad.
+CONVERGENCE_SEEN = float(np.radians(0.01))
+#: Coordinates coarser than this, m, and times coarser than this, s, widen the noise.
+COARSE_STEP, COARSE_TIME = 0.015, 0.9e-3
 
 
 @dataclass(frozen=True)
-class Files:
-    """Names for messages: the first ``strip``, the ``trajectory``, the ``mounting``."""
+class Names:
+    """For messages: the first ``strip``, the ``trajectory``, the ``mounting``."""
 
     strip: str
     trajectory: str
     mounting: str
 
 
-def settle(
-    sample: Sample, trajectories: Mapping[str, Trajectory], given: MountingFile, files: Files
-) -> tuple[Reading, list[str]]:
-    """How the points are to be read, and a word on each correction.
+# --- the two tests -------------------------------------------------------------------------------
 
-    ``trajectories``: under the empty name as its format has it, else under what its heading may
-    mean. Raises `OutsideTrajectory`, `BadInput`.
+
+def require_near(evidence: Evidence, trajectory: str) -> None:
+    """Raise `BadInput` where points of a file lie far from the trajectory."""
+    for sample in evidence.samples:
+        one = replace(evidence, samples=(sample,))
+        if one.is_near:
+            continue
+        plan, height = one.apart(sample)
+        far = f"{plan / 1000:.1f} km in plan and {abs(height):.0f} m in height"
+        for hypothesis in (*TABLE, *zones(one)):
+            if hypothesis.change(one).is_near:
+                where = trajectory if hypothesis.where == "trajectory" else sample.name
+                raise BadInput(
+                    f"{where}: {hypothesis.what}: so strip and trajectory would lie together, as "
+                    f"given they are {far} apart; {hypothesis.remedy}"
+                )
+        raise BadInput(
+            f"{sample.name}: lies {far} from {trajectory}; give the trajectory of this flight and "
+            f"the reference system of the strips (now {sample.grid.name}; --crs overrides it)"
+        )
+
+
+def consistent_evidence(
+    evidence: Evidence, given: MountingFile, names: Names
+) -> tuple[Evidence, list[str]]:
+    """``evidence`` as the rays read it, and a note on each correction.
+
+    Raises `OutsideTrajectory`, `BadInput` with the mistake under which the rays would fit.
     """
-    plain = ray_test.try_reading(sample, trajectories[""], given.mounting)
-    if plain is not None and plain.fit.good:
-        others = {word: ray_test.try_reading(sample, path, given.mounting)
-                  for word, path in trajectories.items() if word}  # fmt: skip
-        word = _much_better(plain.fit, {name: reading.fit for name, reading in others.items()})
-        return (others[word], _notes(word, others[word])) if word else (plain, [])
-    corrected = _corrected(sample, trajectories, given)
+    plain = evidence.fit
+    if plain is not None and plain.good:
+        return _with_best_heading(evidence)
+    corrected = _mended(evidence)
     if corrected is not None:
         return corrected
+    coarse = _coarse_times(evidence)
+    if coarse and not (plain and plain.scatter <= TOLERATED):
+        name, words = coarse
+        raise BadInput(f"{name}: {words}, too coarse to find a pose; export full GPS times")
     if plain is None:
-        _refuse_uncovered(sample, trajectories[""], files)
-    pose, part = ray_test.poses_of(sample, trajectories[""])
-    refuse(pose, part, given, files)
-    if plain.fit.scatter <= TOLERATED:
-        return plain, [_tolerated(plain, files)]
+        _refuse_uncovered(evidence, names)
+    _refuse_by_name(evidence, given, names)
+    few = evidence.few().with_shift()
+    if few.fit.good:
+        evidence = replace(evidence, shift=few.shift)
+        if evidence.fit.good:
+            return evidence, [_shift_note(evidence)]
+    _refuse_turned(evidence, names)
+    degrees = f"{np.degrees(plain.scatter):.3f} deg, expected {np.degrees(plain.limit):.3f}"
+    if plain.scatter <= TOLERATED:
+        why = "the coordinates seem computed from another solution of the trajectory"
+        if coarse:
+            why = f"{coarse[1]}, which widens the noise: export full GPS times"
+        return evidence, [f"{names.trajectory}: within a beam the elevations scatter by {degrees}; "
+                          f"{why}"]  # fmt: skip
     raise BadInput(
-        f"{files.trajectory}: the rays to the points of {files.strip} and others do not fit: "
-        f"within a beam the elevations scatter by {np.degrees(plain.fit.scatter):.2f} deg, "
-        f"expected {np.degrees(plain.fit.limit):.2f}; give the trajectory and the mounting with "
-        "which the coordinates were computed"
+        f"{names.trajectory}: the rays to the points of {names.strip} and others do not fit: "
+        f"within a beam the elevations scatter by {degrees}; {_causes(evidence)}give the "
+        "trajectory and the mounting with which the coordinates were computed"
     )
 
 
-def settle_poses(
-    fits: Mapping[str, Fit], given: MountingFile, files: Files
-) -> tuple[str, Reading, list[str]]:
-    """How the attitude of points with poses of their own is to be read, of ``fits`` by name.
+def _with_best_heading(evidence: Evidence) -> tuple[Evidence, list[str]]:
+    """Of rays that fit, under the heading they fit best; where they cannot tell, a note."""
+    others = {h: h.change(evidence) for h in _headings(evidence)}
+    fits = {h: other.fit for h, other in others.items() if other.fit is not None}
+    best = _much_better(evidence.fit, fits)
+    if best is not None:
+        return others[best], [_note(best, others[best].fit)]
+    notes = []
+    poses = evidence.poses
+    turn = evidence.samples[0].grid.convergence(poses.latitude[:1], poses.longitude[:1])[0]
+    grid = fits.get(GRID_NORTH)
+    if grid and abs(turn) > CONVERGENCE_SEEN and grid.good and grid.scatter < 1.5 * max(
+        evidence.fit.scatter, SCATTER_SEEN
+    ):  # fmt: skip
+        notes.append(
+            "the rays do not tell whether the heading counts from true or grid north; true north "
+            f"is taken, grid north would change the yaw by {np.degrees(turn):+.3f} deg"
+        )
+    coarse = _coarse_times(evidence)
+    notes += [f"{': '.join(coarse)}, which widens the noise"] if coarse else []
+    return evidence, notes
 
-    Raises `BadInput` where the rays fit under none.
-    """
+
+def _headings(evidence: Evidence) -> tuple[Hypothesis, ...]:
+    wanders = np.abs(evidence.poses.wander).max() > 1e-6
+    return HEADINGS if wanders else HEADINGS[:1]
+
+
+def _much_better(plain: Fit, others: Mapping) -> object | None:
+    """The key of a fit that halves the plain one's scatter where this is no matter of resolution;
+    else None."""
+    best = min(others, key=lambda key: others[key].scatter, default=None)
+    clear = best is not None and others[best].scatter < 0.5 * plain.scatter
+    return best if clear and plain.scatter > SCATTER_SEEN else None
+
+
+def _mended(evidence: Evidence) -> tuple[Evidence, list[str]] | None:
+    """The evidence with fewest corrections under which the rays fit, and its notes; or None."""
+    few, tried = evidence.few(), []
+    for heading in (None, *_headings(evidence)):
+        turned = heading.change(few) if heading else few
+        for clock in (None, *CLOCKS):
+            found = clock.change(turned) if clock else turned
+            if found.is_covered:
+                tried.append(([h for h in (heading, clock) if h], found))
+    good = [(hypotheses, found) for hypotheses, found in tried if found.fit.good]
+    if not good:
+        good = [(hypotheses, found.with_height()) for hypotheses, found in tried]
+        good = [(hypotheses, found) for hypotheses, found in good if found.fit.good]
+    for hypotheses, found in sorted(good, key=lambda one: (len(one[0]), one[1].fit.scatter)):
+        whole = evidence
+        for hypothesis in hypotheses:
+            whole = hypothesis.change(whole)
+        if found.shift.any() and whole.is_covered:
+            whole = whole.with_height()
+        if whole.fit is not None and whole.fit.good:
+            notes = [_note(hypothesis, whole.fit) for hypothesis in hypotheses]
+            return whole, notes + _height_notes(whole)
+    return None
+
+
+def _height_notes(evidence: Evidence) -> list[str]:
+    if not evidence.shift.any():
+        return []
+    return [
+        f"{evidence.shift[2]:+.3f} m are added to the strips' heights, found from the rays: they "
+        f"stand above the geoid, the trajectory's above the ellipsoid{_fits(evidence.fit)}"
+    ]
+
+
+def _note(hypothesis: Hypothesis, found: Fit) -> str:
+    return hypothesis.what + _fits(found)
+
+
+def _fits(found: Fit) -> str:
+    return f"; the rays then fit to {np.degrees(found.scatter):.4f} deg"
+
+
+def _shift_note(evidence: Evidence) -> str:
+    east, north, up = evidence.shift
+    return (
+        f"{east:+.3f} m east, {north:+.3f} m north and {up:+.3f} m up are added to the strips, "
+        "found from the rays: trajectory and strips stand in different datums or epochs"
+        f"{_fits(evidence.fit)}"
+    )
+
+
+def _refuse_uncovered(evidence: Evidence, names: Names) -> None:
+    first, last = evidence.poses.time[[0, -1]] + evidence.poses.week
+    time = np.concatenate([s.time for s in evidence.samples])
+    outside = (time < first) | (time > last)
+    raise OutsideTrajectory(
+        f"{names.strip}: {100 * outside.mean():.1f} % of the points sampled ({outside.sum()} of "
+        f"{len(time)}) lie outside the trajectory, points {time.min():.1f}-{time.max():.1f} s, "
+        f"{names.trajectory} {first:.1f}-{last:.1f} s of the GPS week; give the trajectory of this "
+        "flight, whole"
+    )
+
+
+def _refuse_by_name(evidence: Evidence, given: MountingFile, names: Names) -> None:
+    """Raise `BadInput` with the first hypothesis of the table under which the rays would fit."""
+    few = evidence.few()
+    for hypothesis in (h for h in TABLE if not h.mend):
+        changed = hypothesis.change(few)
+        if not changed.is_near:
+            continue
+        if not changed.fit.good:
+            changed = changed.with_height()
+        if changed.fit.good:
+            raise BadInput(
+                f"{getattr(names, hypothesis.where)}: {hypothesis.what}: so the rays to the points "
+                f"would fit the beams to {np.degrees(changed.fit.scatter):.3f} deg, as given they "
+                f"do not; {hypothesis.remedy}"
+            )
+    pose, sample = few.rays
+    _, elevation, rho = ray_test.laser_rays(pose, sample.p_m, evidence.mounting)
+    apart = np.abs(elevation[:, None] - given.scanner.beam_elevations).min(axis=1)
+    scatter = 1.4826 * float(np.median(apart[ray_test.is_return(rho)]))
+    if scatter <= ray_test.FITS:
+        raise BadInput(
+            f"{names.strip}: the ring dimension does not hold the ring: whatever it says, the rays "
+            f"fit the beams to {np.degrees(scatter):.3f} deg; name the right one with "
+            "--ring-dimension"
+        )
+
+
+def _refuse_turned(evidence: Evidence, names: Names) -> None:
+    """Raise `BadInput` where the rays would fit under a boresight: calibrated already."""
+    few = evidence.few()
+    turn, found = ray_test.best_rotation(*few.rays, evidence.mounting)
+    if found.good:
+        angles = ", ".join(f"{value:+.3f}" for value in np.degrees(turn))
+        raise BadInput(
+            f"{names.strip}: its coordinates fit a boresight of {angles} deg (roll, pitch, yaw, as "
+            f"far as rays tell) on {names.mounting}, not the nominal mounting: they seem corrected "
+            "by a calibration already; give the strips as they were before it, or the mounting "
+            "with which they were computed"
+        )
+
+
+def _coarse_times(evidence: Evidence) -> tuple[str, str] | None:
+    """The file with the coarsest times, and words on them; None where they are fine."""
+    worst = max(evidence.samples, key=lambda s: s.time_step)
+    step = worst.time_step
+    if step < COARSE_TIME:
+        return None
+    return worst.name, (
+        f"its times come in steps of {step:.4g} s, at most {1 / step:.3g} distinct times a second, "
+        "as of rounding or of single precision"
+    )
+
+
+def _causes(evidence: Evidence) -> str:
+    """What else is wrong with the points, for a refusal: a sentence part each."""
+    pose, sample = evidence.rays
+    _, _, rho = ray_test.laser_rays(pose, sample.p_m, evidence.mounting)
+    lost = (rho < ray_test.NEAREST).mean()
+    causes = []
+    if lost > 0.01:
+        causes.append(f"{100 * lost:.0f} % of the points lie at the sensor, pulses without return")
+    if sample.scale > COARSE_STEP:
+        causes.append(f"the coordinates come in steps of {sample.scale:.3g} m")
+    return "".join(f"{cause}; " for cause in causes)
+
+
+def coarse_coordinates(samples: Sequence[StripSample]) -> list[str]:
+    """A note on files whose coordinates are coarser than the noise of a laser."""
+    return [
+        f"{s.name}: its coordinates come in steps of {s.step:.3g} m, which widens the noise; "
+        "mistakes as small as this are not seen in it"
+        for s in samples
+        if s.step > COARSE_STEP
+    ]
+
+
+def consistent_attitude(fits: Mapping[str, Fit], names: Names) -> tuple[str, list[str]]:
+    """How the attitude of points with poses of their own is to be read, of ``fits`` by name, and
+    notes. Raises `BadInput` where the rays fit under none."""
     word = min(fits, key=lambda name: fits[name].scatter)
-    if fits[""].good and not _much_better(fits[""], fits):
+    if fits[""].good and _much_better(fits[""], fits) is None:
         word = ""
     found = fits[word]
     if found.scatter > max(found.limit, TOLERATED):
         raise BadInput(
-            f"{files.strip}: the rays do not fit: within a beam the elevations scatter by "
+            f"{names.strip}: the rays do not fit: within a beam the elevations scatter by "
             f"{np.degrees(found.scatter):.2f} deg, expected {np.degrees(found.limit):.2f}; give "
-            f"the rotation and the lever arm with which the points were computed ({files.mounting})"
+            f"the rotation and the lever arm with which the points were computed ({names.mounting})"
         )
-    reading = Reading(None, given.mounting, 0.0, 0.0, found)
-    return word, reading, _notes(word, reading)
+    return word, [f"the heading is read as {word}{_fits(found)}"] if word else []
 
 
-def _much_better(plain: Fit, others: Mapping[str, Fit]) -> str:
-    """The name of a fit that halves the plain one's scatter where this is no matter of resolution;
-    else the empty name."""
-    best = min(others, key=lambda name: others[name].scatter)
-    clear = plain.scatter > SCATTER_SEEN and others[best].scatter < 0.5 * plain.scatter
-    return best if clear else ""
-
-
-def _tolerated(reading: Reading, files: Files) -> str:
-    return (
-        f"{files.trajectory}: within a beam the elevations scatter by "
-        f"{np.degrees(reading.fit.scatter):.3f} deg, expected {np.degrees(reading.fit.limit):.3f}; "
-        "the coordinates seem computed from another solution of the trajectory"
-    )
-
-
-def _corrected(sample: Sample, trajectories, given: MountingFile):
-    """The reading with fewest corrections that fits, and its notes; or None."""
-    shifts = (0.0, *LEAP_SECONDS, *(-s for s in LEAP_SECONDS))
-    tried = [
-        (word, ray_test.try_reading(sample, path, given.mounting, shift))
-        for (word, path), shift in product(trajectories.items(), shifts)
-    ]
-    tried = [(word, reading) for word, reading in tried if reading is not None]
-    good = [(word, reading) for word, reading in tried if reading.fit.good]
-    if not good:
-        few = sample.few()
-        raised = [(word, reading, ray_test.with_height(reading, few)) for word, reading in tried]
-        good = [
-            (word, ray_test.with_height(reading, sample))
-            for word, reading, tentative in raised
-            if tentative.fit.good
-        ]
-        good = [(word, reading) for word, reading in good if reading.fit.good]
-    if not good:
-        return None
-    word, best = min(good, key=lambda one: (bool(one[0]) + bool(one[1].time_shift),
-                                            one[1].fit.scatter))  # fmt: skip
-    return best, _notes(word, best)
-
-
-def _notes(word: str, reading: Reading) -> list[str]:
-    fits = f"; the rays then fit to {np.degrees(reading.fit.scatter):.4f} deg"
-    notes = []
-    if word:
-        notes.append(f"the heading is read as {word}{fits}")
-    if reading.time_shift:
-        notes.append(
-            f"{reading.time_shift:+.0f} s are added to the strips' times: one of the files counts "
-            f"UTC, without the leap seconds of GPS time{fits}"
-        )
-    if reading.height_shift:
-        notes.append(
-            f"{reading.height_shift:+.3f} m are added to the strips' heights, found from the rays: "
-            f"they stand above the geoid, the trajectory's above the ellipsoid{fits}"
-        )
-    return notes
-
-
-def _refuse_uncovered(sample: Sample, trajectory: Trajectory, files: Files) -> None:
-    first, last = trajectory.time[0], trajectory.time[-1]
-    outside = ((sample.time < first) | (sample.time > last)).mean()
-    raise OutsideTrajectory(
-        f"{files.strip}: {100 * outside:.0f} % of the points lie outside the trajectory, points "
-        f"{sample.time.min():.1f}-{sample.time.max():.1f} s, {files.trajectory} "
-        f"{first:.1f}-{last:.1f} s of the GPS week; give the trajectory of this flight, whole"
-    )
+# --- the beams -----------------------------------------------------------------------------------
 
 
 def scanner_of(
-    reading: Reading, given: MountingFile, files: Files
+    found: Fit, given: MountingFile, names: Names
 ) -> tuple[Scanner, np.ndarray, list[str]]:
     """The scanner whose beams the rings are; the number of its beam for a recorded ring, else
     `UNKNOWN_RING`; and notes. Raises `BadInput` where the beams given are not those of the data."""
-    for scanner in _scanners(given):
-        number = ray_test.beam_numbers(reading.fit, scanner.beam_elevations)
+    others = {} if given.beams_given else mounting.BEAMS_DEG
+    known = [replace(given.scanner, name=name, beam_elevations=np.radians(beams))
+             for name, beams in others.items()]  # fmt: skip
+    for scanner in (given.scanner, *known):
+        number = ray_test.beam_numbers(found, scanner.beam_elevations)
         if number is not None:
-            return _with_own_beams(reading, scanner, number, given)
-    if given.beams_given:
-        found, beams = np.degrees(reading.fit.elevations), given.scanner.beam_elevations
+            return _with_own_beams(found, scanner, number, given)
+    deg = np.degrees(found.elevations)
+    if given.beams_given or len(deg) >= ray_test.UNKNOWN_RING:
+        beams = np.degrees(given.scanner.beam_elevations)
         raise BadInput(
-            f"{files.mounting} [scanner]: the rings of the strips are not the beams of "
-            f"{given.scanner.name}: {len(found)} rings at {found.min():.2f} to {found.max():.2f} "
-            f"deg, expected {len(beams)} beams at {np.degrees(beams[0]):.2f} to "
-            f"{np.degrees(beams[-1]):.2f} deg; name the scanner or its beam_elevations_deg"
+            f"{names.mounting} [scanner]: the rings of the strips are not the beams of "
+            f"{given.scanner.name}: {len(deg)} rings at {deg.min():.2f} to {deg.max():.2f} deg, "
+            f"expected {len(beams)} beams at {beams[0]:.2f} to {beams[-1]:.2f} deg; name the "
+            "scanner or its beam_elevations_deg"
         )
-    order = np.argsort(reading.fit.elevations)
-    scanner = replace(given.scanner, beam_elevations=reading.fit.elevations[order])
+    order = np.argsort(found.elevations)
+    scanner = replace(given.scanner, beam_elevations=found.elevations[order])
     note = (
-        f"{files.mounting} [scanner]: no known beam table fits; the {len(order)} elevations are "
-        f"taken from the points, {np.degrees(scanner.beam_elevations[0]):.2f} to "
-        f"{np.degrees(scanner.beam_elevations[-1]):.2f} deg"
+        f"{names.mounting} [scanner]: no known beam table fits; the {len(order)} elevations are "
+        f"taken from the points, {deg.min():.2f} to {deg.max():.2f} deg"
     )
-    return scanner, _table(reading.fit.rings, np.argsort(order)), [note]
+    return scanner, _beam_of_ring(found.rings, np.argsort(order)), [note]
 
 
-def _scanners(given: MountingFile) -> list[Scanner]:
-    """The one given; and, where only assumed, the others that are known."""
-    others = [] if given.beams_given else mounting.BEAMS_DEG.items()
-    return [
-        given.scanner,
-        *(
-            replace(given.scanner, name=name, beam_elevations=np.radians(beams))
-            for name, beams in others
-        ),
-    ]
-
-
-def _with_own_beams(reading: Reading, scanner: Scanner, number: np.ndarray, given: MountingFile):
+def _with_own_beams(found: Fit, scanner: Scanner, number: np.ndarray, given: MountingFile):
     notes = []
     if scanner.name != given.scanner.name:
         notes.append(f"the points show the beams of {scanner.name}, which is taken as the scanner")
-    difference = np.abs(reading.fit.elevations - scanner.beam_elevations[number]).max()
-    if difference > max(SAME_BEAM, 0.2 * reading.fit.scatter):
+    difference = np.abs(found.elevations - scanner.beam_elevations[number]).max()
+    if difference > max(SAME_BEAM, 0.2 * found.scatter):
         beams = scanner.beam_elevations.copy()
-        beams[number] = reading.fit.elevations
+        beams[number] = found.elevations
         scanner = replace(scanner, beam_elevations=beams)
         notes.append(
             f"beam elevations differ from the table of {scanner.name} by up to "
             f"{np.degrees(difference):.3f} deg; those of the points are used, the unit's own"
         )
-    if not np.array_equal(number, reading.fit.rings):
+    if not np.array_equal(number, found.rings):
         notes.append("rings are not numbered by ascending elevation; they are told by their rays")
-    return scanner, _table(reading.fit.rings, number), notes
+    return scanner, _beam_of_ring(found.rings, number), notes
 
 
-def _table(rings: np.ndarray, number: np.ndarray) -> np.ndarray:
-    table = np.full(max(256, int(rings.max()) + 1), UNKNOWN_RING, np.uint8)
+def _beam_of_ring(rings: np.ndarray, number: np.ndarray) -> np.ndarray:
+    table = np.full(max(256, int(rings.max()) + 1), ray_test.UNKNOWN_RING, np.uint8)
     table[rings] = number
     return table
-
-
-ROLL, PITCH, HEADING = 3, 4, 5
-
-
-@dataclass(frozen=True)
-class Mistake:
-    """``change`` makes poses (N, 6) and a mounting what they would be without the mistake;
-    ``where``: trajectory or mounting; ``what`` is wrong; the ``remedy``."""
-
-    where: str
-    what: str
-    remedy: str
-    change: Callable[[np.ndarray, Mounting], tuple[np.ndarray, Mounting]]
-
-
-def _pose(column: int, change) -> Callable:
-    def changed(pose, mounting):
-        pose = pose.copy()
-        pose[:, column] = change(pose[:, column])
-        return pose, mounting
-
-    return changed
-
-
-def _swapped(pose, mounting):
-    return pose[:, [0, 1, 2, PITCH, ROLL, HEADING]], mounting
-
-
-def _degrees(pose, mounting):
-    return np.column_stack([pose[:, :3], np.radians(pose[:, 3:])]), mounting
-
-
-def _lever(sign) -> Callable:
-    return lambda pose, mounting: (
-        pose,
-        replace(mounting, lever_arm=np.asarray(mounting.lever_arm) * sign),
-    )
-
-
-def _transposed(pose, mounting):
-    return pose, replace(mounting, R_nominal=mounting.R_nominal.T)
-
-
-MISTAKES = (
-    Mistake(
-        "trajectory",
-        "the heading is counted counter-clockwise from east (ENU)",
-        "give it clockwise from north",
-        _pose(HEADING, lambda angle: np.pi / 2 - angle),
-    ),
-    Mistake(
-        "trajectory",
-        "the heading is counted counter-clockwise from north",
-        "give it clockwise from north",
-        _pose(HEADING, np.negative),
-    ),
-    Mistake(
-        "trajectory",
-        "the heading is counted clockwise from south",
-        "add 180 degrees to it",
-        _pose(HEADING, lambda angle: angle + np.pi),
-    ),
-    Mistake(
-        "trajectory",
-        "the heading is in degrees",
-        "give radians",
-        _pose(HEADING, np.radians),
-    ),
-    Mistake("trajectory", "the attitude is in degrees", "give radians", _degrees),
-    Mistake(
-        "trajectory",
-        "the pitch is counted nose down",
-        "turn its sign: nose up is positive",
-        _pose(PITCH, np.negative),
-    ),
-    Mistake("trajectory", "roll and pitch are interchanged", "interchange them", _swapped),
-    Mistake(
-        "mounting",
-        "the rotation is transposed (b to l)",
-        "give l to b: rows are body forward, right, down",
-        _transposed,
-    ),
-    Mistake(
-        "mounting",
-        "the lever arm points from the laser to the GNSS/INS",
-        "turn its signs",
-        _lever(np.array([-1.0, -1.0, -1.0])),
-    ),
-    Mistake(
-        "mounting",
-        "the lever arm stands in forward, left, up",
-        "give it forward, right, down",
-        _lever(np.array([1.0, -1.0, -1.0])),
-    ),
-)
-
-
-def refuse(pose: np.ndarray, sample: Sample, given: MountingFile, files) -> None:
-    """Raise `BadInput` that names the mistake under which the rays would fit, if one is found."""
-    for where, what, remedy, scatter in _explanations(pose, sample, given):
-        raise BadInput(
-            f"{getattr(files, where)}: {what}: so the rays to the points would fit the beams to "
-            f"{np.degrees(scatter):.3f} deg, as given they do not; {remedy}"
-        )
-
-
-def _explanations(pose, sample: Sample, given: MountingFile) -> Iterator[tuple]:
-    few = slice(None, None, max(1, len(pose) // 4000))
-    pose, sample = pose[few], sample.take(few)
-    for mistake in MISTAKES:
-        turned = mistake.change(pose, given.mounting)
-        found = ray_test.fit(turned[0], sample, turned[1])
-        if not found.good:
-            found = ray_test.best_height(turned[0], sample, turned[1])[1]
-        if found.good:
-            yield mistake.where, mistake.what, mistake.remedy, found.scatter
-    metres = FOOT * (sample.p_m[:, 2] + sample.base) - sample.base
-    found = ray_test.fit(
-        pose, replace(sample, p_m=np.column_stack([sample.p_m[:, :2], metres])), given.mounting
-    )
-    if found.good:
-        yield "strip", "its heights are in feet", "export them in metres", found.scatter
-    beams = given.scanner.beam_elevations
-    scatter = _scatter_without_rings(pose, sample, given.mounting, beams)
-    if scatter <= ray_test.FITS:
-        what = "the ring dimension does not hold the ring"
-        yield "strip", what, "name the right one with --ring-dimension", scatter
-
-
-def _scatter_without_rings(pose, sample: Sample, mounting: Mounting, beams) -> float:
-    """Scatter rad of the elevations about the nearest beam, whatever the rings say."""
-    _, elevation, _ = ray_test.laser_rays(pose, sample.p_m, mounting)
-    nearest = np.abs(elevation[:, None] - beams).min(axis=1)
-    return float(1.4826 * np.median(nearest))

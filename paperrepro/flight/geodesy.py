@@ -30,6 +30,15 @@ class LocalFrame:
     a: float = 6378137.0
     rf: float = 298.257223563
 
+    @classmethod
+    def around(cls, latitude, longitude, height, shape: tuple[float, float]) -> "LocalFrame":
+        """At the middle of places (N,) rad, rad, m, at their lowest, on an ellipsoid of ``shape``.
+        Longitudes are averaged over the date line; one place in two hundred may be a stray."""
+        turn = np.angle(np.exp(1j * (longitude - longitude[0])))
+        low, high = np.quantile([latitude, turn, height], [0.005, 0.995], axis=1)
+        middle = 0.5 * (low + high)
+        return cls(float(middle[0]), float(longitude[0] + middle[1]), float(low[2]), *shape)
+
     @cached_property
     def _pipeline(self) -> pyproj.Transformer:
         shape = f"+a={self.a!r} +rf={self.rf!r}"
@@ -76,7 +85,7 @@ class Grid:
     """A map's coordinates against geodetic ones of the same datum.
 
     ``crs`` as pyproj takes it; of a compound one the horizontal part counts, and the height's unit.
-    Heights are taken as ellipsoidal; `rays` finds out where they are not. Raises `BadInput`.
+    Heights are taken as ellipsoidal; `consistency` finds out where they are not. Raises `BadInput`.
     """
 
     def __init__(self, crs, what: str = "crs"):
@@ -94,23 +103,42 @@ class Grid:
                 f"{what}: expected a projected or geographic reference system, got "
                 f"{given.name!r}; give one such as EPSG:32722"
             )
-        self.name = given.name
-        self.is_orthometric = any(part.is_vertical for part in given.sub_crs_list)
+        self.name, self.what = given.name, what
         self.height_unit = _height_unit(given, self.crs)
         ellipsoid = self.crs.ellipsoid
         self.shape = ellipsoid.semi_major_metre, ellipsoid.inverse_flattening
-        self._transform = pyproj.Transformer.from_crs(
-            self.crs, self.crs.geodetic_crs.to_2d(), always_xy=True
-        )
+        try:
+            self._transform = pyproj.Transformer.from_crs(
+                self.crs, self.crs.geodetic_crs.to_2d(), always_xy=True
+            )
+        except ProjError as error:
+            raise BadInput(
+                f"{what}: PROJ has no way from {given.name} to latitude and longitude "
+                f"({str(error).splitlines()[0]}); give a system such as EPSG:32722"
+            ) from error
 
     def to_geodetic(self, xyz: np.ndarray):
-        """Latitude, longitude rad and height m, (N,) each, of coordinates (N, 3). Raises
-        `BadInput` where they lie outside the projection."""
-        try:
-            lon, lat = self._transform.transform(xyz[:, 0], xyz[:, 1], errcheck=True)
-        except ProjError as error:
-            raise BadInput(f"coordinates lie outside of {self.name}: {error}") from error
-        return np.radians(lat), np.radians(lon), self.height_unit * xyz[:, 2]
+        """Latitude, longitude rad and height m, (N,) each, of coordinates (N, 3); infinite where
+        they lie outside the system. Raises `BadInput` where most of them do."""
+        lon, lat = self._transform.transform(xyz[:, 0], xyz[:, 1])
+        outside = ~((np.abs(lat) <= 90.0) & (np.abs(lon) <= 540.0))
+        if outside.mean() > 0.5:
+            where = ", ".join(f"{value:.1f}" for value in xyz[np.flatnonzero(outside)[0], :2])
+            degrees = "degrees of latitude and longitude" if self.crs.is_geographic else "its map"
+            raise BadInput(
+                f"{self.what}: coordinates such as {where} lie outside of {self.name}, expected "
+                f"{degrees}; name the right reference system with --crs"
+            )
+        lat, lon = (np.where(outside, np.inf, np.radians(value)) for value in (lat, lon))
+        return lat, lon, self.height_unit * xyz[:, 2]
+
+    def metres(self, step: np.ndarray, latitude: float = 0.0) -> float:
+        """The largest of steps (3,) of the coordinates, m."""
+        if self.crs.is_geographic:
+            level = self.shape[0] * np.radians(step[:2]) * [np.cos(latitude), 1.0]
+        else:
+            level = step[:2] * self.crs.axis_info[0].unit_conversion_factor
+        return float(max(*level, step[2] * self.height_unit))
 
     def from_geodetic(self, latitude, longitude, height) -> np.ndarray:
         """Coordinates (N, 3) of geodetic ones; the inverse of `to_geodetic`."""
@@ -123,11 +151,8 @@ class Grid:
         """Grid north clockwise from true north, (N,) rad: a true heading is the grid's plus it."""
         if self.crs.is_geographic:
             return np.zeros(np.shape(latitude))
-        step = 1e-6  # rad of latitude, 6 m
-        ahead = self.from_geodetic(np.asarray(latitude) + step, longitude, np.zeros(len(latitude)))
-        behind = self.from_geodetic(np.asarray(latitude) - step, longitude, np.zeros(len(latitude)))
-        along = ahead - behind
-        return -np.arctan2(along[:, 0], along[:, 1])
+        factors = pyproj.Proj(self.crs).get_factors(longitude, latitude, radians=True)
+        return np.radians(factors.meridian_convergence)
 
 
 def _horizontal(crs: pyproj.CRS) -> pyproj.CRS:

@@ -1,5 +1,11 @@
-"""LAS and LAZ strips, read in chunks, with a word on whatever a calibration cannot use."""
+"""LAS and LAZ strips, read in chunks, without belief in their headers.
 
+What a header says of the number of points, records and bytes is compared with the file: a count
+that an interrupted writer left behind is mended with a note, what cannot be is refused.
+"""
+
+import logging
+import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,24 +23,30 @@ CHUNK = 1_000_000
 NOISE = (7, 18)
 #: Points that a sample of a strip holds, about.
 SAMPLE = 20_000
+#: Written into the header of strips under a calibration, and found there again.
+SOFTWARE = "paperrepro"
+#: Bytes of a header of LAS 1.0 to 1.2, and of a record's head: VLR, EVLR.
+HEADER, VLR, EVLR = 227, 54, 60
 READ_ERRORS = (laspy.LaspyException, lazrs.LazrsError, ValueError, EOFError, OSError, IndexError,
-               MemoryError, OverflowError)  # fmt: skip
+               MemoryError, OverflowError, struct.error, UnicodeError)  # fmt: skip
+# its warnings are ours to give, in one line
+logging.getLogger("laspy").setLevel(logging.CRITICAL)
 
 
 @dataclass(frozen=True)
 class StripFile:
     """A strip on disk whose header was checked: ``grid`` of its coordinates, ``count`` points,
-    ``scale`` m (its coarsest), ``low`` and ``high`` (3,) corners of its coordinates,
-    names of all ``columns``."""
+    ``scale`` of its coordinates (3,), names of all ``columns``, ``notes`` on what the header gets
+    wrong, and whether it can be written again: ``hindrance``, words, if not."""
 
     path: Path
     grid: Grid
     ring_dimension: str
     count: int
-    scale: float
-    low: np.ndarray
-    high: np.ndarray
+    scales: np.ndarray
     columns: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    hindrance: str = ""
 
     def chunks(self, size: int = CHUNK) -> Iterator[laspy.ScaleAwarePointRecord]:
         """All records in order. Raises `BadInput` where the file ends too early."""
@@ -100,8 +112,9 @@ def open_strip(path: Path, crs: str | None = None, ring_dimension: str = "user_d
     path = Path(path)
     with opened(path) as reader:
         header = reader.header
+        count, notes = reader.header.point_count, tuple(reader.notes)
     names = set(header.point_format.dimension_names)
-    if header.point_count == 0:
+    if count == 0:
         raise EmptyStrip(f"{path}: expected points, the file holds none; leave it out")
     if "gps_time" not in names:
         raise BadInput(
@@ -114,40 +127,145 @@ def open_strip(path: Path, crs: str | None = None, ring_dimension: str = "user_d
             f"{', '.join(sorted(names))}; name the right one with --ring-dimension"
         )
     grid = Grid(_crs_of(header, path) if crs is None else crs, "--crs" if crs else str(path))
+    if header.generating_software.startswith(SOFTWARE):
+        notes += (
+            f"{path}: was written under a calibration, as its header says ("
+            f"{header.generating_software.strip()}); a second one adds to that",
+        )
     return StripFile(
-        path,
-        grid,
-        ring_dimension,
-        int(header.point_count),
-        float(header.scales.max()),
-        np.array(header.mins),
-        np.array(header.maxs),
-        tuple(header.point_format.dimension_names),
-    )
+        path, grid, ring_dimension, int(count), np.array(header.scales),
+        tuple(header.point_format.dimension_names), notes, _hindrance(header),
+    )  # fmt: skip
 
 
-def opened(path: Path) -> laspy.LasReader:
+def _hindrance(header: laspy.LasHeader) -> str:
+    """Why points that move by metres could not be written; empty if they can."""
+    reach = np.abs([header.mins - header.offsets, header.maxs - header.offsets]) / header.scales
+    if np.isfinite(reach).all() and (reach + 20.0 / header.scales > 2**31 - 1).any():
+        return (
+            "its coordinates fill the 32 bits of its header's scale, so that points cannot be "
+            "moved; export it with an offset near the points, or a coarser scale"
+        )
+    return ""
+
+
+def opened(path: Path) -> "Reader":
     """A reader of the file, or `BadInput`."""
     path = Path(path)
     if not path.is_file():
         raise BadInput(f"{path}: no such file; give the strips as LAS or LAZ")
-    with path.open("rb") as file:
-        if file.read(4) != b"LASF":
-            kind = "it looks like an SBET: were strip and trajectory swapped?"
-            other = "it is of another kind: give a LAS or LAZ file"
-            sbet = path.stat().st_size % 136 == 0 and path.stat().st_size > 0
-            raise BadInput(f"{path}: expected a LAS/LAZ strip, {kind if sbet else other}")
     try:
-        reader = laspy.open(path)
-        begin = reader.header.offset_to_point_data
-        if path.stat().st_size < begin:
-            raise laspy.LaspyException(f"points begin at byte {begin}, the file ends before")
-        return reader
+        with path.open("rb") as file:
+            signature = file.read(4)
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); mend that") from error
+    if signature != b"LASF":
+        kind = "it looks like an SBET: were strip and trajectory swapped?"
+        other = "it is of another kind: give a LAS or LAZ file"
+        sbet = path.stat().st_size % 136 == 0 and path.stat().st_size > 0
+        raise BadInput(f"{path}: expected a LAS/LAZ strip, {kind if sbet else other}")
+    try:
+        return Reader(path)
     except READ_ERRORS as error:
         raise BadInput(
             f"{path}: its LAS header cannot be read ({_first_line(error)}); the file is cut off or "
             "damaged: export or copy it again"
         ) from error
+
+
+class Reader(laspy.LasReader):
+    """A reader whose header counts the points that the file holds; ``notes`` where it did not."""
+
+    def __init__(self, path: Path):
+        head = _checked_head(path)
+        super().__init__(path.open("rb"))
+        self.notes: list[str] = []
+        counted = self.header.point_count
+        held = _held(self.header, head, path)
+        if held > counted:
+            self.header.point_count = held
+            self.notes.append(
+                f"{path}: its header counts {counted} points, the file holds {held}, as an "
+                "interrupted writer leaves it; all are read"
+            )
+
+
+@dataclass(frozen=True)
+class _Head:
+    """Of a header: ``offset`` to the points, ``length`` of a record, ``end`` of the points."""
+
+    offset: int
+    length: int
+    end: int
+
+
+def _checked_head(path: Path) -> _Head:
+    """What the header says of places and numbers, against the file's size. Raises
+    `laspy.LaspyException`."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        raw = file.read(375)
+    if len(raw) < HEADER:
+        raise laspy.LaspyException(f"it has {len(raw)} bytes")
+    minor, length = raw[25], int.from_bytes(raw[105:107], "little")
+    header, offset, n_vlrs = struct.unpack_from("<HII", raw, 94)
+    scales, offsets = np.split(np.array(struct.unpack_from("<6d", raw, 131)), 2)
+    if not (np.isfinite(offsets).all() and np.isfinite(scales).all() and (scales > 0).all()):
+        raise laspy.LaspyException(
+            f"scale {scales.tolist()} and offset {offsets.tolist()} make no coordinates"
+        )
+    if raw[24] != 1 or minor > 4:
+        raise laspy.LaspyException(f"version {raw[24]}.{minor}, expected 1.0 to 1.4")
+    if size < offset:
+        raise laspy.LaspyException(f"points begin at byte {offset}, the file ends before")
+    if header + n_vlrs * VLR > offset:
+        raise laspy.LaspyException(f"{n_vlrs} records do not fit before byte {offset}")
+    first, n_evlrs = struct.unpack_from("<QI", raw, 235) if minor == 4 else (0, 0)
+    if n_evlrs:
+        _check_evlrs(path, first, n_evlrs, size)
+    end = first if n_evlrs and first >= offset else size
+    return _Head(offset, length, end)
+
+
+def _check_evlrs(path: Path, first: int, count: int, size: int) -> None:
+    if first + count * EVLR > size:
+        raise laspy.LaspyException(f"{count} extended records from byte {first} do not fit")
+    with path.open("rb") as file:
+        at = first
+        for _ in range(count):
+            file.seek(at)
+            head = file.read(EVLR)
+            at += EVLR + (int.from_bytes(head[20:28], "little") if len(head) == EVLR else size)
+            if at > size:
+                raise laspy.LaspyException("an extended record ends behind the file")
+
+
+def _held(header: laspy.LasHeader, head: _Head, path: Path) -> int:
+    """Points that the file holds, as far as more than the header counts can be told."""
+    if not header.are_points_compressed:
+        held, rest = divmod(head.end - head.offset, max(head.length, 1))
+        return held if not rest or held <= header.point_count else header.point_count
+    vlr = header.vlrs.get("LasZipVlr")
+    if not vlr:
+        raise laspy.LaspyException("compressed points without a LASzip record")
+    size = int.from_bytes(vlr[0].record_data[12:16], "little")
+    with path.open("rb") as file:
+        file.seek(head.offset)
+        chunks = lazrs.read_chunk_table(file, lazrs.LazVlr(vlr[0].record_data))
+        if not chunks:
+            return 0
+        if size == 2**32 - 1:  # chunks of their own numbers
+            return sum(number for number, _ in chunks)
+        full = size * (len(chunks) - 1)
+        if header.point_format.id < 6:  # the last chunk does not tell its number
+            if header.point_count <= full:
+                raise laspy.LaspyException(
+                    f"its header counts {header.point_count} points, its chunks hold more than "
+                    f"{full}"
+                )
+            return header.point_count
+        file.seek(head.offset + 8 + sum(number for _, number in chunks[:-1]) + head.length)
+        return full + int.from_bytes(file.read(4), "little")
 
 
 def _read(reader, count: int, path: Path, start: int):

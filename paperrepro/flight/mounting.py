@@ -81,29 +81,54 @@ def _load(path: Path) -> dict:
     if not path.is_file():
         raise BadInput(f"{path}: no such file; give the mounting of this scanner (mounting.toml)")
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: expected TOML text, {error}; correct the file") from error
+        tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        why = str(error).splitlines()[0]
+        raise BadInput(f"{path}: expected TOML text, {why}; correct the file") from error
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); mend that") from error
+    for name in KNOWN:
+        if name in tables and not isinstance(tables[name], dict):
+            raise BadInput(
+                f"{path}: expected a table [{name}], got {_short(tables[name])}; see README"
+            )
+    return tables
+
+
+def _short(value) -> str:
+    """A value for a message, cut where it is long."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _plain_numbers(value) -> bool:
+    """Numbers, or lists of them, of any depth that is sane; no words or truths."""
+    if isinstance(value, list):
+        return all(isinstance(v, list) is isinstance(value[0], list) and _plain_numbers(v)
+                   for v in value)  # fmt: skip
+    return type(value) in (int, float) and abs(value) < 1e300
+
+
+def _array(value) -> np.ndarray:
+    """Of numbers; empty where they are none."""
+    try:
+        return np.array(value, float) if _plain_numbers(value) else np.empty(0)
+    except (TypeError, ValueError, OverflowError):
+        return np.empty(0)
 
 
 def _numbers(table: dict, key: str, count: int, where: str) -> np.ndarray:
     values = table.get(key)
-    try:
-        numbers = np.array(values, float)
-    except (TypeError, ValueError):
-        numbers = np.empty(0)
+    numbers = _array(values)
     if numbers.shape != (count,) or not np.isfinite(numbers).all():
         raise BadInput(
-            f"{where}: expected {key} of {count} finite numbers, got {values!r}; give it"
+            f"{where}: expected {key} of {count} finite numbers, got {_short(values)}; give it"
         )
     return numbers
 
 
 def _rotation(nominal: dict, where: str, notes: list[str]) -> np.ndarray:
-    try:
-        given = np.array(nominal.get("rotation"), float)
-    except (TypeError, ValueError):
-        given = np.empty(0)
+    given = _array(nominal.get("rotation"))
     given = given.reshape(3, 3) if given.shape == (9,) else given
     if given.shape != (3, 3) or not np.isfinite(given).all():
         return require_rotation(given, where)
@@ -121,7 +146,7 @@ def _rotation(nominal: dict, where: str, notes: list[str]) -> np.ndarray:
 def _positive(table: dict, key: str, default: float, where: str) -> float:
     value = table.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < np.inf:
-        raise BadInput(f"{where}: expected {key} as a number above 0, got {value!r}; give it")
+        raise BadInput(f"{where}: expected {key} as a number above 0, got {_short(value)}; give it")
     return float(value)
 
 
@@ -168,7 +193,7 @@ def _sigmas(table: dict, key: str, default: np.ndarray, where: str) -> np.ndarra
     """Three sigmas; one number stands for all three."""
     if isinstance(table.get(key), int | float):
         table = {key: [table[key]] * 3}
-    sigmas = _numbers({key: list(default), **table}, key, 3, where)
+    sigmas = _numbers({key: default.tolist(), **table}, key, 3, where)
     if (sigmas < 0).any():
         raise BadInput(f"{where}: expected {key} not below 0, got {sigmas.tolist()}; correct it")
     return sigmas

@@ -1,4 +1,4 @@
-"""The rays as a witness: do trajectory, points, mounting and beam table belong together?
+"""Do the rays fit the beams? The test behind every statement on the consistency of a flight.
 
 A beam leaves a spinning scanner at one elevation for ever. Points taken back through their poses
 and the nominal mounting, with which they were computed, must therefore lie at the elevations of the
@@ -14,7 +14,7 @@ import numpy as np
 
 from paperrepro._compiled import HEADING, PITCH, ROLL, over_threads, sines_near
 from paperrepro.method.georeference import body_to_map
-from paperrepro.survey import Mounting, Trajectory
+from paperrepro.survey import Mounting
 
 #: Elevations that scatter less than this, beyond the resolution of the coordinates, fit.
 FITS = float(np.radians(0.02))
@@ -22,28 +22,27 @@ FITS = float(np.radians(0.02))
 BEAM_TOLERANCE = float(np.radians(0.3))
 #: Heights of the geoid over the ellipsoid, and how finely they are searched, m.
 HEIGHTS, HEIGHT_STEP = np.arange(-120.0, 121.0, 4.0), 1e-3
+#: Points that a first search needs.
+FEW = 600
+#: Datums and epochs of one region differ by less than this in plan, m.
+WIDEST_SHIFT = 5.0
+#: Marks a recorded ring that is no beam.
+UNKNOWN_RING = 255
+#: A ring with a smaller share of the points is a stray number, no beam.
+RARE = 5e-4
+#: Points nearer to the laser than this are pulses without a return; none comes from further, m.
+NEAREST, FARTHEST = 0.5, 2000.0
 UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
 class Sample:
-    """Points of all strips: ``time`` (N,) s of the trajectory's clock, ``p_m`` (N, 3) m, ``ring``
-    (N,) as recorded; ``scale`` m, the resolution of their coordinates; ``base`` m, the height
-    of the m-frame's origin."""
+    """Points of all strips: ``p_m`` (N, 3) m, ``ring`` (N,) as recorded; ``scale`` m, the
+    resolution of their coordinates."""
 
-    time: np.ndarray
     p_m: np.ndarray
     ring: np.ndarray
     scale: float
-    base: float = 0.0
-
-    def take(self, index) -> "Sample":
-        """The chosen points."""
-        return Sample(self.time[index], self.p_m[index], self.ring[index], self.scale, self.base)
-
-    def few(self, count: int = 4000) -> "Sample":
-        """Some ``count`` of them."""
-        return self.take(slice(None, None, max(1, len(self.time) // count)))
 
 
 def laser_rays(
@@ -97,10 +96,20 @@ class Fit:
 def fit(pose: np.ndarray, sample: Sample, mounting: Mounting) -> Fit:
     """How well each ring keeps one elevation: the median of the absolute differences, as sigma."""
     _, elevation, rho = laser_rays(pose, sample.p_m, mounting)
-    rings, order, edges = _by_ring(sample.ring)
-    medians, scatter = _scatter(elevation[order], edges)
-    limit = FITS + 1.5 * sample.scale / max(float(np.median(rho)), 1.0)
+    kept = np.flatnonzero(is_return(rho))
+    if len(kept) < max(20, 0.02 * len(rho)):
+        kept = np.arange(len(rho))
+    rings, order, edges = _by_ring(sample.ring[kept])
+    medians, scatter = _scatter(elevation[kept][order], edges)
+    common = np.diff(edges) > RARE * len(kept)
+    rings, medians = rings[common], medians[common]
+    limit = FITS + 1.5 * sample.scale / max(float(np.median(rho[kept])), 1.0)
     return Fit(scatter, rings, medians, limit)
+
+
+def is_return(rho: np.ndarray) -> np.ndarray:
+    """(N,) bool: a point at this range, m, is what a pulse met."""
+    return (rho >= NEAREST) & (rho <= FARTHEST)
 
 
 def _by_ring(ring: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -126,61 +135,101 @@ def beam_numbers(found: Fit, beams: np.ndarray) -> np.ndarray | None:
     return number if near and len(set(number)) == len(number) else None
 
 
-@dataclass(frozen=True)
-class Reading:
-    """How points become rays: ``trajectory`` in the m-frame, nominal ``mounting``, ``time_shift`` s
-    and ``height_shift`` m added to the points; the ``fit`` then."""
-
-    trajectory: Trajectory
-    mounting: Mounting
-    time_shift: float
-    height_shift: float
-    fit: Fit
-
-
-def try_reading(
-    sample: Sample, trajectory: Trajectory, mounting: Mounting, time_shift: float = 0.0
-) -> Reading | None:
-    """The points seen from ``trajectory``; None where it does not cover them."""
-    pose, part = poses_of(sample, trajectory, time_shift)
-    if len(part.time) < 0.999 * len(sample.time):
-        return None
-    return Reading(trajectory, mounting, time_shift, 0.0, fit(pose, part, mounting))
-
-
-def poses_of(
-    sample: Sample, trajectory: Trajectory, time_shift: float = 0.0
-) -> tuple[np.ndarray, Sample]:
-    """Poses (K, 6) of the points that ``trajectory`` covers, and those points."""
-    time = sample.time + time_shift
-    inside = np.flatnonzero((time >= trajectory.time[0]) & (time <= trajectory.time[-1]))
-    if not len(inside):
-        return np.empty((0, 6)), sample.take(inside)
-    return trajectory.at(time[inside], "sample"), sample.take(inside)
-
-
-def with_height(reading: Reading, sample: Sample) -> Reading:
-    """``reading`` with the shift of the points' heights under which it fits best."""
-    pose, part = poses_of(sample, reading.trajectory, reading.time_shift)
-    height, found = best_height(pose, part, reading.mounting)
-    return replace(reading, height_shift=height, fit=found)
-
-
 def best_height(pose: np.ndarray, sample: Sample, mounting: Mounting) -> tuple[float, Fit]:
     """The shift of heights, m, under which the rays fit best, and the `Fit` then."""
-    _, order, edges = _by_ring(sample.ring)
-    here = _across_and_along(pose, sample.p_m, mounting)[:, order]
-    rise = _across_and_along(pose, sample.p_m + UP, mounting)[:, order] - here
 
-    def scatter(height):
-        x, y, z = here + height * rise
-        return _scatter(np.arctan2(z, np.hypot(x, y)), edges)[1]
+    def scatter_of(count):
+        """As a function of the height, of some ``count`` points, as many of each ring."""
+        index = _evenly(sample.ring, count)
+        p_m, pose_of = sample.p_m[index.ravel()], pose[index.ravel()]
+        here = _across_and_along(pose_of, p_m, mounting)
+        rise = _across_and_along(pose_of, p_m + UP, mounting) - here
 
-    best, step = min(HEIGHTS, key=scatter), HEIGHTS[1] - HEIGHTS[0]
+        def scatter(height):
+            x, y, z = (here + height * rise).reshape(3, *index.shape)
+            elevation = np.arctan2(z, np.hypot(x, y))
+            return np.median(np.abs(elevation - np.median(elevation, axis=1, keepdims=True)))
+
+        return scatter
+
+    best = min(HEIGHTS, key=scatter_of(FEW))
+    scatter, step = scatter_of(len(pose)), HEIGHTS[1] - HEIGHTS[0]
     while step > HEIGHT_STEP:
         step /= 2
         best = min((best - step, best, best + step), key=scatter)
-    return float(best), fit(pose, replace(sample, p_m=sample.p_m + best * UP), mounting)
+    return float(best), fit(pose, _shifted(sample, best * UP), mounting)
+
+
+def best_shift(
+    pose: np.ndarray, sample: Sample, mounting: Mounting, start: np.ndarray
+) -> tuple[np.ndarray, Fit]:
+    """The shift (3,) m, east, north, up, within `WIDEST_SHIFT` of ``start`` in plan, under which
+    the rays fit best, and the `Fit` then: the elevations' differences from their ring's median,
+    linear in the shift, by least squares of those that are no outliers."""
+    shift = np.asarray(start, float)
+    for _ in range(12):
+        moved = _shifted(sample, shift)
+        e, J = _linearised(lambda d, m=moved: laser_rays(pose, m.p_m + d, mounting)[1], 1e-3,
+                           sample.ring)  # fmt: skip
+        step = _robust_solution(J, -e)
+        shift = shift + step
+        if np.abs(shift[:2] - start[:2]).max() > WIDEST_SHIFT or np.abs(step).max() < 1e-4:
+            break
+    if np.abs(shift[:2] - start[:2]).max() > WIDEST_SHIFT:
+        shift = np.asarray(start, float)
+    return shift, fit(pose, _shifted(sample, shift), mounting)
+
+
+def best_rotation(pose: np.ndarray, sample: Sample, mounting: Mounting) -> tuple[np.ndarray, Fit]:
+    """The boresight (3,) rad, least where the rays do not tell, under which they fit best, and the
+    `Fit` then: that with which coordinates were computed that are calibrated already."""
+    angles = np.zeros(3)
+    for _ in range(8):
+        e, J = _linearised(
+            lambda d, a=angles: laser_rays(
+                pose, sample.p_m, mounting.with_calibration(mounting.boresight + a + d)
+            )[1], 1e-4, sample.ring,
+        )  # fmt: skip
+        step = _robust_solution(J, -e)
+        angles = angles + step
+        if np.abs(step).max() < 1e-7 or np.abs(angles).max() > 0.2:
+            break
+    return angles, fit(pose, sample, mounting.with_calibration(mounting.boresight + angles))
+
+
+def _shifted(sample: Sample, shift: np.ndarray) -> Sample:
+    return replace(sample, p_m=sample.p_m + shift)
+
+
+def _linearised(elevations, h: float, ring: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Differences (N,) of ``elevations(change)`` from their ring's median, and their derivatives
+    (N, 3) by steps of ``h``."""
+    _, order, edges = _by_ring(ring)
+    columns = [elevations(np.zeros(3)), *(elevations(h * axis) for axis in np.eye(3))]
+    out = []
+    for column in columns:
+        column = column[order]
+        out.append(column - np.repeat(_scatter(column, edges)[0], np.diff(edges)))
+    return out[0], (np.column_stack(out[1:]) - out[0][:, None]) / h
+
+
+def _robust_solution(J: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """Least squares without residuals beyond three sigma; of least size where ``J`` is blind."""
+    x, kept = np.zeros(3), np.abs(e) < np.inf
+    for _ in range(3):
+        x = np.linalg.lstsq(J[kept], e[kept], rcond=1e-4)[0]
+        r = np.abs(e - J @ x)
+        kept = r <= 3 * 1.4826 * max(float(np.median(r)), 1e-9)
+    return x
+
+
+def _evenly(ring: np.ndarray, count: int) -> np.ndarray:
+    """(K, M) indices of some ``count`` points, as many of each of the K rings that are common."""
+    _, order, edges = _by_ring(ring)
+    common = np.flatnonzero(np.diff(edges) > RARE * len(ring))
+    each = max(count // len(common), 1)
+    return np.array([order[np.linspace(edges[k], edges[k + 1] - 1, each).astype(int)]
+                     for k in common])  # fmt: skip
 
 
 def _across_and_along(pose, p_m, mounting: Mounting) -> np.ndarray:

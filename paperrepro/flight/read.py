@@ -5,6 +5,8 @@
 
 Ranges and angles are no part of a LAS file: they come from the coordinates, taken back through the
 pose and the nominal mounting with which they were computed. Elevations are then the beam table's.
+Nothing is believed that a file's header says of its data: place, extent and resolution are taken
+from a sample of the points.
 """
 
 from collections.abc import Sequence
@@ -16,11 +18,13 @@ import numpy as np
 
 from paperrepro.errors import BadInput
 from paperrepro.flight import consistency, decoding, flight_lines
+from paperrepro.flight.consistency import Names
 from paperrepro.flight.decoding import Decoder
 from paperrepro.flight.geodesy import LocalFrame
-from paperrepro.flight.las import StripFile, open_strip
+from paperrepro.flight.hypotheses import Evidence
+from paperrepro.flight.las import Records, StripFile, open_strip
 from paperrepro.flight.mounting import MountingFile, read_mounting
-from paperrepro.flight.sbet import read_accuracy, read_sbet
+from paperrepro.flight.sbet import Clock, read_accuracy, read_sbet
 from paperrepro.flight.table import (
     PULSES,
     READINGS,
@@ -36,46 +40,100 @@ from paperrepro.survey import Scanner, Strip, Survey, Trajectory
 
 @dataclass(frozen=True)
 class Flight:
-    """A survey from files. ``frame``: where its m-frame lies; ``notes``: each assumption and
-    correction, a sentence; ``files`` as read; ``decoder``: how their points became rays."""
+    """A flight read from files.
+
+    Attributes
+    ----------
+    survey : Survey
+        Strips, trajectory, nominal mounting and specifications, in the m-frame of ``frame``.
+    frame : LocalFrame
+        Where the m-frame lies: latitude, longitude (rad) and ellipsoidal height (m) of its origin.
+    notes : tuple of str
+        Each assumption, correction and omission, a sentence.
+    files : tuple of StripFile or TableFile
+        The strips as they lie on disk.
+    decoder : Decoder
+        How their points became rays.
+    trajectory : str
+        The file of the trajectory, for messages.
+    """
 
     survey: Survey
     frame: LocalFrame
     notes: tuple[str, ...]
     files: tuple[StripFile | TableFile, ...]
     decoder: Decoder
+    trajectory: str
+
+    def __repr__(self) -> str:
+        points = sum(map(len, self.survey.strips))
+        names = ", ".join(strip.name for strip in self.survey.strips)
+        latitude, longitude = np.degrees([self.frame.latitude, self.frame.longitude])
+        return (
+            f"Flight: {len(self.survey.strips)} strips ({names}), {points} points, "
+            f"{self.survey.scanner.name}, at {latitude:.5f}°, {longitude:.5f}°, "
+            f"{len(self.notes)} notes"
+        )
 
 
 def read_flight(
-    strips: Sequence[Path],
-    trajectory: Path | None,
-    mounting: Path,
+    strips: Sequence[str | Path],
+    trajectory: str | Path | None,
+    mounting: str | Path,
     *,
-    accuracy: Path | None = None,
+    accuracy: str | Path | None = None,
     crs: str | None = None,
     ring_dimension: str = "user_data",
     frame: LocalFrame | None = None,
 ) -> Flight:
-    """Read strips (LAS, LAZ, CSV), an SBET and `mounting.toml`; ``accuracy`` is an SMRMSG.
+    """Read the files of a flight.
 
-    Without a ``trajectory`` each point must carry its pose. ``crs`` overrides the strips' own,
-    ``frame`` is where to estimate, by default at the middle of the strips. Raises `BadInput` or one
-    of its kin, which names file, place and remedy.
+    Parameters
+    ----------
+    strips : sequence of path
+        LAS, LAZ (with GPS time and ring) or CSV.
+    trajectory : path or None
+        An SBET. Without one each point must carry its pose.
+    mounting : path
+        `mounting.toml`: nominal rotation (l to b) and lever arm (m, b-frame), scanner, GNSS/INS.
+    accuracy : path, optional
+        An SMRMSG, whose standard deviations replace those of the mounting file.
+    crs : str, optional
+        Reference system of the strips, such as ``EPSG:32722``, in place of their headers'.
+    ring_dimension : str
+        Where the ring of a point stands.
+    frame : LocalFrame, optional
+        Where to estimate; by default at the middle of the strips, at their lowest point.
+
+    Returns
+    -------
+    Flight
+        Every assumption and correction is in its ``notes``.
+
+    Raises
+    ------
+    BadInput
+        Or one of its kin (`EmptyStrip`, `OutsideTrajectory`, `NotFinite`, `NotARotation`): names
+        file, place and remedy.
     """
     given = read_mounting(mounting)
     files = [_opened(Path(path), crs, ring_dimension) for path in strips]
     _require_together(files)
-    frame = frame or _frame_of(files)
+    records = [decoding.sampled(file, timed=trajectory is not None) for file in files]
+    frame = frame or _frame_of(files, records)
     navigation = given.navigation if accuracy is None else read_accuracy(accuracy, given.navigation)
+    named = Names(str(files[0].path), str(trajectory or files[0].path), str(mounting))
     if trajectory is None:
-        decoder, scanner, notes = _decoder_of_poses(files, frame, given, mounting)
+        decoder, scanner, notes = _decoder_of_poses(files, records, frame, given, named)
     else:
-        decoder, scanner, notes = _decoder_of_flown(files, frame, given, trajectory, mounting)
+        decoder, scanner, notes = _decoder_of_flown(files, records, frame, given, named)
     read, more = _read_all(files, decoder)
     path = decoder.poses
     path = path if isinstance(path, Trajectory) else flight_lines.joined_trajectory(read)
     survey = Survey(tuple(read), path, given.mounting, scanner, navigation)
-    return Flight(survey, frame, (*given.notes, *notes, *more), tuple(files), decoder)
+    of_files = [note for file in files for note in file.notes]
+    notes = (*given.notes, *of_files, *notes, *more)
+    return Flight(survey, frame, notes, tuple(files), decoder, named.trajectory)
 
 
 def _opened(path: Path, crs: str | None, ring_dimension: str) -> StripFile | TableFile:
@@ -84,7 +142,7 @@ def _opened(path: Path, crs: str | None, ring_dimension: str) -> StripFile | Tab
 
 
 def _require_together(files: list) -> None:
-    """One datum, and a name of its own for each strip."""
+    """One datum, and a name of its own for each file."""
     if not files:
         raise BadInput("strips: expected at least one file; give them as LAS, LAZ or CSV")
     first, names = files[0], set()
@@ -101,37 +159,36 @@ def _require_together(files: list) -> None:
         names.add(file.path.stem)
 
 
-def _frame_of(files: list) -> LocalFrame:
-    """At the middle of all strips, at their lowest point."""
-    corners = [file.grid.to_geodetic(np.array([file.low, file.high])) for file in files]
-    low, high = np.min(corners, axis=(0, 2)), np.max(corners, axis=(0, 2))
-    if not np.isfinite([low, high]).all():
-        raise BadInput(
-            f"{files[0].path}: its coordinates lie outside of {files[0].grid.name}; name the right "
-            "reference system with --crs"
-        )
-    middle = 0.5 * (low + high)
-    return LocalFrame(float(middle[0]), float(middle[1]), float(low[2]), *files[0].grid.shape)
+def _frame_of(files: list, records: list[Records]) -> LocalFrame:
+    """At the middle of the points."""
+    places = [file.grid.to_geodetic(r.xyz) for file, r in zip(files, records, strict=True)]
+    places = np.concatenate(places, axis=1)
+    places = places[:, np.isfinite(places).all(axis=0)]
+    return LocalFrame.around(*places, files[0].grid.shape)
 
 
 def _decoder_of_flown(
-    files: list, frame: LocalFrame, given: MountingFile, trajectory: Path, mounting: Path
+    files: list, records: list[Records], frame: LocalFrame, given: MountingFile, named: Names
 ) -> tuple[Decoder, Scanner, list[str]]:
-    poses = read_sbet(trajectory)
-    names = consistency.Files(str(files[0].path), str(trajectory), str(mounting))
-    clocks, sample = decoding.sample_of(files, frame, poses, str(trajectory))
-    candidates = decoding.trajectories(poses, frame, files[0].grid)
-    reading, notes = consistency.settle(sample, candidates, given, names)
-    scanner, beams, more = consistency.scanner_of(reading, given, names)
-    decoder = Decoder(
-        frame, given.mounting, reading.trajectory, clocks, reading.time_shift,
-        reading.height_shift, beams,
-    )  # fmt: skip
-    return decoder, scanner, notes + more
+    poses = read_sbet(named.trajectory)
+    clocks = decoding.clocks_of(files, records, poses.time)
+    flown = poses.time + poses.week
+    samples = tuple(
+        decoding.strip_sample(file, r, clocks[file.path], flown)
+        for file, r in zip(files, records, strict=True)
+    )
+    evidence = Evidence(samples, poses, given.mounting, frame, np.zeros(3))
+    consistency.require_near(evidence, named.trajectory)
+    found, notes = consistency.consistent_evidence(evidence, given, named)
+    scanner, beams, more = consistency.scanner_of(found.fit, given, named)
+    time_shift = float(np.round(found.samples[0].time[0] - samples[0].time[0]))
+    decoder = Decoder(frame, given.mounting, found.poses.in_frame(frame), clocks, beams,
+                      time_shift, found.shift)  # fmt: skip
+    return decoder, scanner, [*notes, *more, *consistency.coarse_coordinates(samples)]
 
 
 def _decoder_of_poses(
-    files: list, frame: LocalFrame, given: MountingFile, mounting: Path
+    files: list, records: list[Records], frame: LocalFrame, given: MountingFile, named: Names
 ) -> tuple[Decoder, Scanner, list[str]]:
     columns = {_pose_columns_of(file): file for file in files}
     if len(columns) > 1:
@@ -144,14 +201,13 @@ def _decoder_of_poses(
         (unit, word): PointPoses(columns, frame, word, unit)
         for unit, word in product(columns.units, READINGS)
     }
-    names = consistency.Files(str(files[0].path), str(files[0].path), str(mounting))
-    fits = decoding.fits_of_poses(files, frame, candidates, given.mounting)
+    fits = decoding.fits_of_poses(files, records, frame, candidates, given.mounting)
     unit = min(fits, key=lambda one: fits[one].scatter)[0]
     fits = {word: fits[unit, word] for word in READINGS}
-    word, reading, notes = consistency.settle_poses(fits, given, names)
-    scanner, beams, more = consistency.scanner_of(reading, given, names)
-    clocks = {file.path: 0.0 for file in files}
-    decoder = Decoder(frame, given.mounting, candidates[unit, word], clocks, 0.0, 0.0, beams)
+    word, notes = consistency.consistent_attitude(fits, named)
+    scanner, beams, more = consistency.scanner_of(fits[word], given, named)
+    clocks = {file.path: Clock() for file in files}
+    decoder = Decoder(frame, given.mounting, candidates[unit, word], clocks, beams)
     return decoder, scanner, notes + more
 
 
@@ -166,27 +222,29 @@ def _pose_columns_of(file) -> PoseColumns:
 
 
 def _read_all(files: list, decoder: Decoder) -> tuple[list[Strip], list[str]]:
-    """All files as strips, one for each pass, and notes."""
+    """All files as strips, one for each flight line, and notes."""
     strips, notes = [], []
     for file in files:
-        strip = decoding.read_strip(decoder, file)
-        poses_of = decoding.poses_at(decoder, strip)
-        parts, left_out = flight_lines.split(strip, poses_of)
-        coarse = flight_lines.whole_seconds(strip.time)
+        strip, left_out = decoding.read_strip(decoder, file)
+        lines, turns = flight_lines.split(strip, decoding.poses_at(decoder, strip))
+        coarse = strip.pose is not None and flight_lines.whole_seconds(strip.time)
         if isinstance(file, TableFile) and file.time is None:
             notes.append(
                 f"{file.path}: no time in it; rows are counted as pulses, {PULSES:.0f} a second, "
                 "which scenario D must not be given"
             )
-        strips += [decoding.with_finer_times(part) if coarse else part for part in parts]
-        if len(parts) > 1 or left_out:
+        strips += [decoding.with_finer_times(line) if coarse else line for line in lines]
+        notes += left_out
+        if len(lines) > 1 or turns:
             notes.append(
-                f"{file.path}: holds {len(parts)} passes, each a strip of its own; {left_out} "
+                f"{file.path}: holds {len(lines)} passes, each a strip of its own; {turns} "
                 "points of turns between them are left out"
             )
-        if coarse and strip.pose is not None:
+        if coarse:
             notes.append(
                 f"{file.path}: its times are whole seconds; finer ones are taken from the sensor's "
                 "place along the line"
             )
-    return strips, notes
+    timed = not any(isinstance(file, TableFile) and file.time is None for file in files)
+    strips, more = flight_lines.joined(strips) if timed else (strips, [])
+    return flight_lines.with_unique_names(strips), notes + more

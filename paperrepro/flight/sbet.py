@@ -5,7 +5,7 @@ three velocities m/s; roll, pitch, heading rad; wander angle rad; three accelera
 rates. The attitude is against the local level at the pose, north-east-down, and the heading is the
 platform's against *true* north: the wander angle turns the velocities, accelerations and rates,
 which stand in the wander frame, and is not taken off the heading again. Some exports give the
-heading in the wander frame too; the rays tell (`witness`), and it is then taken off with a word.
+heading in the wander frame too; the rays tell (`consistency`), and it is then taken off, noted.
 
 SMRMSG: records of 10 little-endian float64: time s; north, east, down position m; three velocities
 m/s; roll, pitch, heading in minutes of arc, all one sigma.
@@ -14,8 +14,9 @@ One time system for strips and trajectory: GPS seconds of the trajectory's week.
 
 LAS holds seconds of the GPS week, or adjusted standard GPS time (seconds since 1980-01-06, less
 1e9); an SBET the former as a rule. The size of the numbers tells them apart; the header's bit may
-lie. A multiple of a week is taken out silently: nothing else could be meant. Leap seconds (UTC for
-GPS) are found by `rays`, since a shift of 18 s may still lie within the flight.
+lie. A multiple of a week is taken out silently, point by point: nothing else could be meant, and
+a flight may cross the end of a week. Leap seconds (UTC for GPS) are found by `consistency`, since
+a shift of 18 s may still lie within the flight.
 """
 
 from dataclasses import dataclass, replace
@@ -24,7 +25,8 @@ from pathlib import Path
 import numpy as np
 
 from paperrepro.errors import BadInput
-from paperrepro.survey import Navigation
+from paperrepro.flight.geodesy import LocalFrame
+from paperrepro.survey import Navigation, Trajectory
 
 SBET_COLUMNS, SMRMSG_COLUMNS = 17, 10
 WEEK = 604800.0
@@ -34,7 +36,8 @@ WEEK = 604800.0
 class Poses:
     """Poses by latitude and longitude: ``time`` (M,) s increasing, ``latitude``, ``longitude``
     (M,) rad, ``height`` (M,) m ellipsoidal, ``attitude`` (M, 3) rad roll, pitch, heading against
-    the local level and true north, ``wander`` (M,) rad."""
+    the local level and true north, ``wander`` (M,) rad; ``week`` s, what its times lack to count
+    from the start of their GPS week."""
 
     time: np.ndarray
     latitude: np.ndarray
@@ -42,6 +45,22 @@ class Poses:
     height: np.ndarray
     attitude: np.ndarray
     wander: np.ndarray
+    week: float = 0.0
+
+    def in_frame(self, frame: LocalFrame) -> Trajectory:
+        """The trajectory in the m-frame, times from the start of the GPS week."""
+        return Trajectory(
+            self.time + self.week,
+            frame.from_geodetic(self.latitude, self.longitude, self.height),
+            frame.attitude_from_level(self.latitude, self.longitude, self.attitude),
+        )
+
+    def near(self, time: np.ndarray) -> "Poses":
+        """The poses about ``time`` (N,) s alone, so many that it is met as by all of them."""
+        after = np.searchsorted(self.time + self.week, time)
+        index = np.unique(np.clip(after[:, None] + np.arange(-3, 3), 0, len(self.time) - 1))
+        names = ("time", "latitude", "longitude", "height", "attitude", "wander")
+        return replace(self, **{name: getattr(self, name)[index] for name in names})
 
 
 def read_sbet(path: Path) -> Poses:
@@ -55,7 +74,8 @@ def read_sbet(path: Path) -> Poses:
     kept = np.r_[True, np.diff(time) > 0]  # a repeated record says nothing new
     table, time = table[kept], time[kept]
     _require_radians(table, path)
-    return Poses(time, table[:, 1], table[:, 2], table[:, 3], table[:, 7:10], table[:, 10])
+    columns = table[:, 1], table[:, 2], table[:, 3], table[:, 7:10], table[:, 10]
+    return Poses(time, *columns, week_start(time))
 
 
 def read_accuracy(path: Path, navigation: Navigation) -> Navigation:
@@ -148,7 +168,7 @@ class TimeSystem:
 
 def recognise(time: np.ndarray) -> TimeSystem:
     """The time system of ``time`` (N,) s, by its size."""
-    middle = float(np.median(time))
+    middle = float(np.median(time[np.isfinite(time)]))
     if abs(middle) < 2 * WEEK:
         return TimeSystem("seconds of the GPS week", None)
     if middle < 0.9e9:
@@ -167,15 +187,29 @@ def week_start(time: np.ndarray) -> float:
     return system.to_standard - WEEK * np.floor(standard / WEEK)
 
 
-def offset_to(trajectory: np.ndarray, points: np.ndarray) -> float:
-    """What to add to times of points, s, to count as `week_start` makes a trajectory count.
+@dataclass(frozen=True)
+class Clock:
+    """Times of a strip to seconds of the trajectory's week: ``shift`` s is added, and whole weeks
+    until the time is the nearest to ``middle`` s, unless the strip knows its week (None)."""
+
+    shift: float = 0.0
+    middle: float | None = None
+
+    def __call__(self, time: np.ndarray) -> np.ndarray:
+        time = np.asarray(time, float) + self.shift
+        if self.middle is None:
+            return time
+        return time - WEEK * np.round((time - self.middle) / WEEK)
+
+
+def clock_to(trajectory: np.ndarray, points: np.ndarray) -> Clock:
+    """What makes times of points count as `week_start` makes a trajectory count.
 
     ``trajectory`` (M,) s as written, ``points`` (N,) s. Where one of them does not know its week,
     the week is the one that brings them nearest.
     """
     flown, seen = recognise(trajectory), recognise(points)
     if flown.to_standard is not None and seen.to_standard is not None:
-        return week_start(trajectory) + seen.to_standard - flown.to_standard
-    start = week_start(points)
+        return Clock(week_start(trajectory) + seen.to_standard - flown.to_standard)
     middle = 0.5 * (trajectory[0] + trajectory[-1]) + week_start(trajectory)
-    return start + WEEK * np.round((middle - np.median(points) - start) / WEEK)
+    return Clock(week_start(points), float(middle))

@@ -41,10 +41,9 @@ class TableFile:
     ring: str
     time: str | None
     count: int
-    low: np.ndarray
-    high: np.ndarray
     columns: tuple[str, ...]
-    scale: float = 1e-3
+    notes: tuple[str, ...] = ()
+    hindrance: str = "only LAS and LAZ can be written; give the strip as one"
 
     def chunks(self, size: int = CHUNK) -> Iterator[pd.DataFrame]:
         """All rows in order."""
@@ -79,15 +78,13 @@ def open_table(path: Path, crs: str | None, ring_dimension: str = "user_data") -
         raise BadInput(f"{path}: no such file; give the strips as LAS, LAZ or CSV")
     if crs is None:
         raise BadInput(f"{path}: a table names no reference system; name it with --crs")
-    count, low, high, names = 0, np.full(3, np.inf), np.full(3, -np.inf), ()
+    count, names = 0, ()
     for chunk in _chunks(path, CHUNK):
         names = tuple(chunk.columns)
         _require_columns(names, path)
         if chunk.empty:
             break
         _require_numbers(chunk, path)
-        xyz = chunk[["x", "y", "z"]].to_numpy(float)
-        low, high = np.minimum(low, xyz.min(axis=0)), np.maximum(high, xyz.max(axis=0))
         count += len(chunk)
     if not count:
         raise EmptyStrip(f"{path}: expected points, the table holds none; leave it out")
@@ -98,7 +95,7 @@ def open_table(path: Path, crs: str | None, ring_dimension: str = "user_data") -
             "add one, or name it with --ring-dimension"
         )
     time = next((name for name in TIMES if name in names), None)
-    return TableFile(path, Grid(crs, "--crs"), ring, time, count, low, high, names)
+    return TableFile(path, Grid(crs, "--crs"), ring, time, count, names)
 
 
 def _chunks(path: Path, size: int) -> Iterator[pd.DataFrame]:

@@ -2,65 +2,180 @@
 
 A point is taken back to the laser under the nominal mounting, as when it was read, with its own
 elevation and not the beam table's. So the nominal mounting gives the file's own coordinates back,
-to the last digit.
+to the last digit. Points that are no rays of this flight (pulses without a return, times that the
+trajectory does not cover) stay where they are.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import laspy
 import numpy as np
 
+from paperrepro import __version__
 from paperrepro._files import written_whole
 from paperrepro.errors import BadInput
 from paperrepro.flight import ray_test
-from paperrepro.flight.decoding import UNKNOWN_RING, UP
-from paperrepro.flight.las import StripFile, opened
-from paperrepro.flight.read import Flight
+from paperrepro.flight.calibration_file import read_calibration
+from paperrepro.flight.las import SOFTWARE, StripFile, opened
+from paperrepro.flight.mounting import read_mounting
+from paperrepro.flight.read import Flight, read_flight
 from paperrepro.method.georeference import georeference
 from paperrepro.survey import Mounting, Rays
 
+#: Records of cloud-optimised point clouds: their index would not fit the points once moved.
+COPC = "copc"
 
-def adjust_strips(flight: Flight, mounting: Mounting, out: Path) -> list[Path]:
+
+@dataclass(frozen=True)
+class Applied:
+    """What `apply_calibration` wrote: paths of the ``strips``, the number of ``points`` in them,
+    and ``notes`` of the reading, a sentence each."""
+
+    strips: tuple[Path, ...]
+    points: int
+    notes: tuple[str, ...]
+
+
+def apply_calibration(
+    strips: Sequence[str | Path],
+    trajectory: str | Path | None,
+    mounting: str | Path,
+    calibration: str | Path,
+    out: str | Path,
+    *,
+    crs: str | None = None,
+    ring_dimension: str = "user_data",
+) -> Applied:
+    """Write strips anew under a calibration: all of them, or none.
+
+    Parameters
+    ----------
+    strips : sequence of path
+        LAS or LAZ.
+    trajectory : path or None
+        The SBET with which their coordinates were computed.
+    mounting : path
+        `mounting.toml`, the nominal one.
+    calibration : path
+        `calibration.json`: boresight (deg), and range offsets and lever arm (m) where it has them.
+    out : path
+        Folder to write into, under the files' own names.
+    crs, ring_dimension
+        As for `read_flight`.
+
+    Returns
+    -------
+    Applied
+        Paths, number of points, notes.
+
+    Raises
+    ------
+    BadInput
+        What `read_flight` and `read_calibration` raise; a folder that holds the originals or cannot
+        be written; a file that cannot be.
+    """
+    given = read_mounting(mounting)
+    early = read_calibration(calibration, given.mounting)
+    _require_other_names([Path(path) for path in strips], Path(out))
+    flight = read_flight(strips, trajectory, mounting, crs=crs, ring_dimension=ring_dimension)
+    survey = flight.survey
+    calibrated = read_calibration(calibration, survey.mounting, survey.scanner)
+    written = write_strips(flight, calibrated.mounting, out)
+    points = sum(file.count for file in flight.files)
+    return Applied(tuple(written), points, (*early.notes, *flight.notes, *_copc_notes(flight)))
+
+
+def _copc_notes(flight: Flight) -> list[str]:
+    notes = []
+    for file in flight.files:
+        with opened(file.path) as reader:
+            if _without_copc(reader.header.vlrs) != list(reader.header.vlrs):
+                notes.append(f"{file.path}: is written without its COPC index, as common LAS")
+    return notes
+
+
+def require_writable(flight: Flight, out: str | Path) -> None:
+    """Raise `BadInput`, before any work, where the flight's files cannot be written into ``out``:
+    tables, files whose coordinates cannot move, originals that would be overwritten."""
+    for file in flight.files:
+        if file.hindrance:
+            raise BadInput(f"{file.path}: {file.hindrance}")
+    _require_other_names([file.path for file in flight.files], Path(out))
+
+
+def _require_other_names(paths: Sequence[Path], out: Path) -> None:
+    for path in paths:
+        if (out / path.name).exists() and path.exists() and path.samefile(out / path.name):
+            raise BadInput(f"{path}: would be overwritten; choose another folder than {out}")
+        if [other.name for other in paths].count(path.name) > 1:
+            raise BadInput(f"{path}: given twice, or two files have this name; rename one of them")
+
+
+def write_strips(flight: Flight, mounting: Mounting, out: str | Path) -> list[Path]:
     """Write the flight's files anew into folder ``out``, under ``mounting``: all of them, or none.
 
-    The names stay; range offsets go by beam of `Scanner.beam_elevations`. Raises `BadInput` where
-    ``out`` is the folder of the originals.
+    The names stay; range offsets go by beam of `Scanner.beam_elevations`. Raises as
+    `require_writable`, and `BadInput` where ``out`` cannot be written.
     """
     out = Path(out)
-    for file in flight.files:
-        if not isinstance(file, StripFile):
-            raise BadInput(f"{file.path}: only LAS and LAZ can be written; give the strip as one")
-        if (out / file.path.name).exists() and file.path.samefile(out / file.path.name):
-            raise BadInput(f"{file.path}: would be overwritten; choose another folder than {out}")
+    require_writable(flight, out)
     with written_whole(out) as folder:
         for file in flight.files:
-            _adjust_file(flight, file, mounting, folder / file.path.name)
+            _write_file(flight, file, mounting, folder / file.path.name)
     return [out / file.path.name for file in flight.files]
 
 
-def _adjust_file(flight: Flight, file: StripFile, mounting: Mounting, target: Path) -> None:
+def _write_file(flight: Flight, file: StripFile, mounting: Mounting, target: Path) -> None:
     with opened(file.path) as reader:
-        header, evlrs = reader.header, reader.evlrs
+        evlrs = _without_copc(reader.evlrs or [])
+        header = _header_to_write(reader.header)
         with laspy.open(target, mode="w", header=header) as writer:
             for chunk in file.chunks():
-                moved = adjusted_points(flight, file, chunk, mounting)
-                chunk.x, chunk.y, chunk.z = file.grid.from_geodetic(
-                    *flight.frame.to_geodetic(moved)
-                ).T
+                try:
+                    _move(flight, file, chunk, mounting)
+                except OverflowError as error:
+                    raise BadInput(
+                        f"{file.path}: points moved by the calibration do not fit the 32 bits of "
+                        "its coordinates; export it with an offset near the points"
+                    ) from error
                 writer.write_points(chunk)
             if evlrs:
-                writer.write_evlrs(evlrs)
+                writer.write_evlrs(laspy.vlrs.vlrlist.VLRList(evlrs))
 
 
-def adjusted_points(flight: Flight, file: StripFile, chunk, mounting: Mounting) -> np.ndarray:
-    """(N, 3) m, m-frame of the flight (heights as in the file) of all records of ``chunk``."""
-    decoder, records = flight.decoder, file.decoded(chunk)
-    _, p_m, pose = decoder.locate(file, records)
-    azimuth, elevation, rho = ray_test.laser_rays(pose, p_m, decoder.mounting)
-    ring = decoder.beams(file, records.ring)
+def _header_to_write(header: laspy.LasHeader) -> laspy.LasHeader:
+    """The header marked as ours, without a COPC index; LAS 1.0, which none writes, as 1.2."""
+    header.vlrs = laspy.vlrs.vlrlist.VLRList(_without_copc(header.vlrs))
+    header.evlrs = None
+    header.generating_software = f"{SOFTWARE} {__version__}"
+    if header.version.minor < 1:
+        header.version = laspy.header.Version(1, 2)
+    return header
+
+
+def _without_copc(records) -> list:
+    return [record for record in records if record.user_id.strip("\0 ").lower() != COPC]
+
+
+def _move(flight: Flight, file: StripFile, chunk, mounting: Mounting) -> None:
+    xyz = np.column_stack([chunk.x, chunk.y, chunk.z])
+    moved, p_m = moved_points(flight, file, chunk, mounting)
+    xyz[moved] = file.grid.from_geodetic(*flight.frame.to_geodetic(p_m[moved]))
+    chunk.x, chunk.y, chunk.z = xyz.T
+
+
+def moved_points(
+    flight: Flight, file: StripFile, chunk, mounting: Mounting
+) -> tuple[np.ndarray, np.ndarray]:
+    """Which records of ``chunk`` are rays, (N,) bool, and where these go, (N, 3) m, m-frame of the
+    flight (heights as in the file)."""
+    decoder = flight.decoder
+    rays = decoder.decode(file, file.decoded(chunk))
     n_rings = flight.survey.scanner.n_rings
-    offsets = np.zeros(UNKNOWN_RING + 1)
+    offsets = np.zeros(ray_test.UNKNOWN_RING + 1)
     offsets[:n_rings] = mounting.offsets(n_rings)[:n_rings]
-    seen = Rays(pose, ring, azimuth, elevation, rho)
-    moved = georeference(seen, mounting.with_calibration(mounting.boresight, offsets))
-    return moved - decoder.height_shift * UP
+    seen = Rays(rays.pose, rays.ring, rays.azimuth, rays.elevation, rays.rho)
+    p_m = georeference(seen, mounting.with_calibration(mounting.boresight, offsets))
+    return rays.timed & ray_test.is_return(rays.rho), p_m - decoder.shift

@@ -29,10 +29,12 @@ from paperrepro.method.accuracy import (
     virtual_points,
 )
 from paperrepro.method.adjustment.calibrate import PAPER_SCENARIOS, SCENARIO_NAMES, calibrate
+from paperrepro.method.adjustment.model_checks import model_checks
 from paperrepro.method.adjustment.quality import TrueNoise, cramer_rao_bound
 from paperrepro.method.adjustment.result import CalibrationResult
+from paperrepro.method.adjustment.screening import screen
 from paperrepro.method.adjustment.trajectory_equations import AXES, GaussMarkov
-from paperrepro.method.adjustment.trajectory_errors import find_noise
+from paperrepro.method.adjustment.trajectory_errors import few_planes, find_noise
 from paperrepro.method.coarse_to_fine import Candidates, PlaneSurvey, find_candidates, find_roofs
 from paperrepro.method.georeference import georeference
 from paperrepro.method.tie_planes import TiePlanes
@@ -41,17 +43,17 @@ from paperrepro.study.rows import (
     ARTEFACT,
     BOUND,
     FAILED,
+    FOUND,
     LEVER_ARM,
     REFINED,
     SCREENED,
+    SPECIFIED,
     WRONG,
     SurveyKey,
     mistaken_name,
 )
 from paperrepro.survey import Mounting, Rays, Survey
 
-#: Points a face from which scenario D finds the noise.
-NOISE_POINTS = 150
 #: Density falls from the track outwards; this quantile of the square metres is near the track.
 CREST = 0.9
 #: Faces more inclined to each other than this would not be taken for one another.
@@ -72,21 +74,24 @@ class SimulatedSurvey:
         What is flown, with what errors.
     kept : bool
         Whether simulation and roofs are kept in the cache folder.
+    errors : str
+        Name of their kind, `ERRORS`.
     """
 
     config: SimulationConfig
     kept: bool = False
+    errors: str = SPECIFIED
 
     @classmethod
     def of(cls, key: SurveyKey) -> "SimulatedSurvey":
-        """The survey that rows of ``key`` speak of."""
-        return cls(make_config(**asdict(key)))
+        """The survey that rows of ``key`` speak of. Raises `BadInput`."""
+        return cls(config_of(key), errors=key.errors)
 
     @property
     def key(self) -> SurveyKey:
         """What rows of this survey are named by."""
         c = self.config
-        return SurveyKey(c.preset, c.profile, c.noise_scale, c.seed)
+        return SurveyKey(c.preset, c.profile, c.noise_scale, c.seed, self.errors)
 
     @property
     def survey(self) -> Survey:
@@ -121,8 +126,11 @@ class SimulatedSurvey:
         return true_planes(self.truth, self.views.label[first])
 
     @property
-    def noise(self) -> TrueNoise:
-        """What disturbs the survey, as the Cramer-Rao bound needs it."""
+    def noise(self) -> TrueNoise | None:
+        """What disturbs the survey, as the Cramer-Rao bound needs it; None where it is of another
+        kind than specified."""
+        if self.errors != SPECIFIED:
+            return None
         sigma = self.config.noise_scale * np.concatenate([POSITION_SIGMA, ATTITUDE_SIGMA])
         process = GaussMarkov(sigma, np.full(6, CORRELATION_TIME))
         return TrueNoise(process, self.config.range_offset_sigma_m)
@@ -152,6 +160,9 @@ class Measured:
     mistaken : tuple of float
         Factors by which the specification is wrong that scenario D is told, variance components
         being estimated.
+    found : bool
+        Scenario D under the noise that it finds in the data, as `calibrate_flight` runs it, and the
+        checks of its model that do not pass.
     """
 
     refined: bool = True
@@ -159,6 +170,41 @@ class Measured:
     accuracy: bool = True
     lever_arm: bool = True
     mistaken: tuple[float, ...] = ()
+    found: bool = False
+
+
+#: Kinds of error by the parameters of `make_config`. All have the size of the specification, but
+#: for what no specification covers: the size of that stands here.
+ERRORS = {
+    SPECIFIED: {},
+    "smoother": {"navigation": "smoother"},
+    "constant": {"navigation": "constant"},
+    "slow": {"navigation": "slow"},
+    "two-scale": {"navigation": "two-scale"},
+    "steps": {"navigation": "steps"},
+    "outage": {"navigation": "outage"},
+    "vibration": {"unseen_vibration_deg": 0.05},
+    "clock": {"clock_delay_s": 0.005},
+    "lever arm": {"lever_arm_sigma_m": 0.02},
+    "beams": {"beam_elevation_sigma_deg": 0.05, "beam_azimuth_sigma_deg": 0.05},
+    "range": {"range_scale_ppm": 300.0, "range_noise_growth": 1.0},
+    "roofs": {"roof_surface": "mixed"},
+    "natural": {"terrain": "natural", "ground_roughness_m": 0.03},
+}
+#: All that a flight may have at once.
+ERRORS["together"] = {
+    **ERRORS["beams"], **ERRORS["range"], **ERRORS["roofs"], "navigation": "two-scale",
+    "unseen_vibration_deg": 0.01, "clock_delay_s": 0.002, "lever_arm_sigma_m": 0.01,
+    "beam_elevation_sigma_deg": 0.02, "beam_azimuth_sigma_deg": 0.02,
+}  # fmt: skip
+
+
+def config_of(key: SurveyKey) -> SimulationConfig:
+    """What is simulated for ``key``. Raises `BadInput`."""
+    if key.errors not in ERRORS:
+        raise BadInput(f"errors {key.errors!r}: expected one of {', '.join(ERRORS)}; name one")
+    chosen = asdict(key)
+    return make_config(**ERRORS[chosen.pop("errors")], **chosen)
 
 
 #: Boresight and sigma alone.
@@ -167,11 +213,12 @@ ANGLES_ONLY = Measured(refined=False, wrong=False, accuracy=False, lever_arm=Fal
 
 def planned(
     seeds: int, coverage_seeds: int, noise_scales: Sequence[float], presets: Sequence[str],
-    profile: str,
+    profile: str, errors: Sequence[str] = (SPECIFIED,),
 ) -> dict[SurveyKey, Measured]:  # fmt: skip
     """Surveys of a study and what is measured of each: everything of the first ``seeds``; of the
     further ones up to ``coverage_seeds``, of the first preset alone, boresight and sigma. At the
-    specified noise scenario D is then told a wrong specification, too.
+    specified noise scenario D is then told a wrong specification, too. Of ``errors`` of another
+    kind than specified, boresight and sigma under each noise, D as `calibrate_flight` runs it.
 
     Raises `BadInput` where there is no survey, or one that cannot be simulated.
     """
@@ -184,9 +231,11 @@ def planned(
                 what = Measured() if seed <= seeds else ANGLES_ONLY
                 if preset == presets[0] and noise_scale == 1 and coverage_seeds:
                     what = replace(what, mistaken=MISTAKEN)
-                key = SurveyKey(preset, profile, noise_scale, seed)
-                make_config(**asdict(key))
-                surveys[key] = what
+                for kind in errors:
+                    key = SurveyKey(preset, profile, noise_scale, seed, kind)
+                    config_of(key)  # refuses, before anything runs
+                    of_kind = replace(ANGLES_ONLY, found=True)
+                    surveys[key] = what if kind == SPECIFIED else of_kind
     return surveys
 
 
@@ -229,9 +278,12 @@ def measure(
         mountings |= _add_refined(rows, flown, results)
     for factor in what.mistaken:
         _add_mistaken(rows, flown, factor)
-    bound = cramer_rao_bound(survey, tie_planes, flown.truth.mounting, flown.noise)
-    for angle, sigma in zip(ANGLES, np.rad2deg(np.sqrt(np.diag(bound))), strict=True):
-        rows.add(BOUND, f"bound_{angle}", sigma, "deg")
+    if what.found:
+        _add_found(rows, flown, results.get("SL"))
+    if flown.noise is not None:
+        bound = cramer_rao_bound(survey, tie_planes, flown.truth.mounting, flown.noise)
+        for angle, sigma in zip(ANGLES, np.rad2deg(np.sqrt(np.diag(bound))), strict=True):
+            rows.add(BOUND, f"bound_{angle}", sigma, "deg")
     if what.lever_arm:
         _add_lever_arm(rows, flown)
     if what.wrong:
@@ -333,6 +385,20 @@ def _add_refined(rows: _Rows, flown: SimulatedSurvey, results) -> dict[str, Moun
     return mountings
 
 
+def _add_found(rows: _Rows, flown: SimulatedSurvey, sl: CalibrationResult | None) -> None:
+    """Scenario D as `calibrate_flight` runs it, and what contradicts its model."""
+    survey, tie_planes = flown.survey, flown.found.tie_planes
+    noise = rows.attempt(FOUND, find_noise, survey, few_planes(tie_planes, survey.mounting),
+                         flown.found.agreed)  # fmt: skip
+    result = noise and rows.calibrated(FOUND, survey, tie_planes, "D", found=noise)
+    if result:
+        kept = tie_planes.subset(screen(survey, tie_planes).kept) if result.rejected else tie_planes
+        checks = model_checks(result, survey, kept, sl and sl.boresight)
+        for check in checks:
+            rows.add(FOUND, f"check_{check.name}", not check.passed)
+        rows.add(FOUND, "contradicted", not all(check.passed for check in checks))
+
+
 def _add_mistaken(rows: _Rows, flown: SimulatedSurvey, factor: float) -> None:
     """Scenario D told a GNSS/INS specification that is wrong by ``factor``."""
     told, name = flown.survey.navigation, mistaken_name(factor)
@@ -342,8 +408,9 @@ def _add_mistaken(rows: _Rows, flown: SimulatedSurvey, factor: float) -> None:
         attitude_sigma=factor * told.attitude_sigma,
     )
     survey = replace(flown.survey, navigation=told)
-    noise = find_noise(survey, flown.found.tie_planes.thinned(NOISE_POINTS), flown.found.agreed)
-    result = rows.calibrated(name, survey, flown.found.tie_planes, "D", found=noise)
+    few = few_planes(flown.found.tie_planes, survey.mounting)
+    noise = rows.attempt(name, find_noise, survey, few, flown.found.agreed)
+    result = noise and rows.calibrated(name, survey, flown.found.tie_planes, "D", found=noise)
     for group, value in result.components.items() if result else ():
         rows.add(name, f"component_{group}", value)
 

@@ -30,8 +30,9 @@ from paperrepro.method.adjustment.trajectory_solver import (
     iterate,
     prior_chi2,
 )
+from paperrepro.method.patches import choose
 from paperrepro.method.tie_planes import TiePlanes
-from paperrepro.survey import Navigation, Survey
+from paperrepro.survey import Mounting, Navigation, Survey
 
 #: Seconds between nodes. Between nodes a second apart an APX-15's heading wanders by 0.01 deg,
 #: which thousands of points see. At full density, 15 000 points in such a time, nodes 0.25 s apart
@@ -41,6 +42,8 @@ NODE_SPACING = 0.1
 WITNESSES, WITNESS_SPACING = 200, 0.5
 #: A delay of the clock is beyond doubt from so many of its sigma on; how often it is looked for.
 CLOCK_SIGMAS, CLOCK_ROUNDS = 4.0, 6
+#: Planes and points a face from which noise is estimated.
+NOISE_PLANES, NOISE_POINTS = 30, 150
 
 
 def specified_process(navigation: Navigation) -> GaussMarkov:
@@ -97,6 +100,14 @@ def _delayed(survey: Survey, tie_planes: TiePlanes, delay: float) -> TiePlanes:
     turns = np.round((rays.pose[:, 5] - pose[:, 5]) / (2 * np.pi))
     pose[:, 5] += 2 * np.pi * turns
     return replace(tie_planes, rays=replace(rays, pose=pose))
+
+
+def few_planes(tie_planes: TiePlanes, mounting: Mounting) -> TiePlanes:
+    """At most `NOISE_PLANES` planes that face many ways, and `NOISE_POINTS` points of a face: what
+    shows the noise."""
+    states, views = tie_planes.plane_states(mounting), np.bincount(tie_planes.plane)
+    planes = choose(states.plane[:, :3], states.centroid, views, NOISE_PLANES)
+    return tie_planes.subset(np.isin(tie_planes.plane, planes)).thinned(NOISE_POINTS)
 
 
 def find_noise(

@@ -19,7 +19,7 @@ THINNING, STRIPS = 16, ("F1", "F2", "F7")
 
 
 @pytest.fixture(scope="session")
-def flown():
+def thinned():
     """Survey and truth."""
     survey, truth = cached(simulate, make_config())
     strips = [survey.strip(name).take(slice(None, None, THINNING)) for name in STRIPS]
@@ -79,13 +79,13 @@ class Folder:
 
 
 @pytest.fixture(scope="session")
-def written(flown, tmp_path_factory):
+def written(thinned, tmp_path_factory):
     """Folders by site and resolution, each written once."""
 
     @functools.cache
     def write(site: Site, scale: float) -> Path:
         path = tmp_path_factory.mktemp("written")
-        write_survey(path, *flown, site, scale)
+        write_survey(path, *thinned, site, scale)
         return path
 
     return write

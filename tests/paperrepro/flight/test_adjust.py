@@ -6,7 +6,7 @@ import pytest
 
 from paperrepro.cli import main
 from paperrepro.flight.calibration_file import read_calibration
-from paperrepro.flight.write import adjust_strips
+from paperrepro.flight.write import write_strips
 from paperrepro.method.georeference import georeference_strip
 from tests.paperrepro.flight.test_round_trip import frame_of
 
@@ -30,7 +30,7 @@ def test_the_nominal_mounting_gives_the_file_back(folder, tmp_path):
     given = folder()
     given.change_strips(dressed)
     flight = given.read()
-    written = adjust_strips(flight, flight.survey.mounting, tmp_path / "same")
+    written = write_strips(flight, flight.survey.mounting, tmp_path / "same")
     for old, new in zip(map(laspy.read, given.strips), map(laspy.read, written), strict=True):
         for name in old.point_format.dimension_names:
             np.testing.assert_array_equal(old[name], new[name])
@@ -40,9 +40,9 @@ def test_the_nominal_mounting_gives_the_file_back(folder, tmp_path):
         assert old.header.point_format == new.header.point_format
 
 
-def test_points_of_the_true_mounting(flown, folder, tmp_path):
+def test_points_of_the_true_mounting(thinned, folder, tmp_path):
     """By way of the command; where the method's own equation puts them, to the resolution."""
-    survey, truth = flown
+    survey, truth = thinned
     given = folder()
     given.change_strips(dressed)
     assert main(given.arguments(tmp_path / "out")) == 0
@@ -64,7 +64,7 @@ def test_a_height_shift_is_taken_off_again(folder, tmp_path):
     given = folder()
     given.change_strips(lambda las: setattr(las, "z", np.asarray(las.z) - 7.0))
     flight = given.read()
-    written = adjust_strips(flight, flight.survey.mounting, tmp_path / "same")
+    written = write_strips(flight, flight.survey.mounting, tmp_path / "same")
     np.testing.assert_array_equal(laspy.read(written[0]).Z, laspy.read(given.strips[0]).Z)
 
 
@@ -74,15 +74,15 @@ def test_a_failure_half_way_leaves_nothing(folder, tmp_path):
     path = given.strips[-1]
     path.write_bytes(path.read_bytes()[:-5000])
     with pytest.raises(ValueError, match="cut off"):
-        adjust_strips(flight, flight.survey.mounting, tmp_path / "a" / "b")
+        write_strips(flight, flight.survey.mounting, tmp_path / "a" / "b")
     assert not (tmp_path / "a").exists()
 
 
-def test_calibration_file(flown, folder):
-    survey, truth = flown
+def test_calibration_file(thinned, folder):
+    survey, truth = thinned
     given = folder()
     path = given.path / "truth.json"
-    mounting = read_calibration(path, survey.mounting, 16)
+    mounting = read_calibration(path, survey.mounting, survey.scanner).mounting
     np.testing.assert_allclose(mounting.boresight, truth.boresight, rtol=1e-12)
     np.testing.assert_allclose(mounting.range_offsets, truth.range_offsets)
     np.testing.assert_allclose(mounting.lever_arm, truth.lever_arm)

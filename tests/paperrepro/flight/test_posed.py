@@ -23,9 +23,9 @@ lever_arm_m = [0.161, 0, -0.016]
 """
 
 
-def record(flown, folder, name="F1"):
+def record(thinned, folder, name="F1"):
     """The paper's record of a strip, angles in degrees."""
-    survey, _ = flown
+    survey, _ = thinned
     strip = survey.strip(name)
     rays = survey.rays(strip)
     las = laspy.read(folder.path / f"{name}.laz")
@@ -49,10 +49,10 @@ def record(flown, folder, name="F1"):
     )  # fmt: skip
 
 
-def test_the_paper_s_record(flown, folder):
-    survey, _ = flown
+def test_the_paper_s_record(thinned, folder):
+    survey, _ = thinned
     given = folder()
-    table = record(flown, given)
+    table = record(thinned, given)
     path = given.path / "F1.csv"
     table.to_csv(path, index=False)
     flight = given.read(
@@ -70,14 +70,14 @@ def test_the_paper_s_record(flown, folder):
     assert flight.survey.trajectory.time[0] == pytest.approx(true.time[0])
 
 
-def test_a_table_without_times_or_rings_of_its_own(flown, folder):
+def test_a_table_without_times_or_rings_of_its_own(thinned, folder):
     given = folder()
-    table = record(flown, given).drop(columns="gps_time")
+    table = record(thinned, given).drop(columns="gps_time")
     table["vertical angle"] = np.radians(table["vertical angle"])
     path = given.path / "F1.csv"
     table.to_csv(path, index=False)
     flight = given.read(strips=[path], trajectory=None, crs="EPSG:32722")
-    np.testing.assert_array_equal(flight.survey.strips[0].ring, flown[0].strip("F1").ring)
+    np.testing.assert_array_equal(flight.survey.strips[0].ring, thinned[0].strip("F1").ring)
     assert any("no time" in note for note in flight.notes)
 
 
@@ -92,18 +92,18 @@ def test_a_table_without_times_or_rings_of_its_own(flown, folder):
         (lambda table: table[:0], "holds none"),
     ],
 )
-def test_a_table_that_cannot_be_used(flown, folder, change, fact):
+def test_a_table_that_cannot_be_used(thinned, folder, change, fact):
     given = folder()
     path = given.path / "F1.csv"
-    change(record(flown, given)).to_csv(path, index=False)
+    change(record(thinned, given)).to_csv(path, index=False)
     with pytest.raises(BadInput, match=fact):
         given.read(strips=[path], trajectory=None, crs="EPSG:32722")
 
 
-def test_a_table_needs_its_reference_system(flown, folder):
+def test_a_table_needs_its_reference_system(thinned, folder):
     given = folder()
     path = given.path / "F1.csv"
-    record(flown, given).to_csv(path, index=False)
+    record(thinned, given).to_csv(path, index=False)
     with pytest.raises(BadInput, match="--crs"):
         given.read(strips=[path], trajectory=None)
 

@@ -81,7 +81,7 @@ def test_other_files(folder, capsys):
 
 def test_a_strip_twice(folder, capsys):
     written = folder()
-    refused(written, capsys, "F1", "second strip", strips=[written.strips[0]] * 2)
+    refused(written, capsys, "F1", "given twice", strips=[written.strips[0]] * 2)
 
 
 def test_sources_are_not_overwritten(folder, capsys):
@@ -221,8 +221,8 @@ def test_trajectory_that_ends_before_the_strips(folder, capsys):
     )
 
 
-def test_trajectory_that_ends_within_a_strip(flown, folder, capsys):
-    survey, _ = flown
+def test_trajectory_that_ends_within_a_strip(thinned, folder, capsys):
+    survey, _ = thinned
     last = survey.strips[-1].time
     written = folder()
     written.change_sbet(lambda table: table[table[:, 0] < last[-1] - 0.05])

@@ -47,9 +47,9 @@ def differences(survey, read):
 
 
 @pytest.mark.parametrize("site", SITES.values(), ids=SITES.keys())
-def test_rays_come_back(flown, folder, site):
+def test_rays_come_back(thinned, folder, site):
     """At 0.1 um of resolution the azimuth is met to that over the shortest range."""
-    survey, _ = flown
+    survey, _ = thinned
     written = folder(site, scale=1e-7)
     written.in_week_seconds(survey)
     read = written.read(frame=frame_of(site)).survey
@@ -63,9 +63,9 @@ def test_rays_come_back(flown, folder, site):
     assert worst["rho"] < 1e-5  # float32
 
 
-def test_resolution_of_a_tenth_of_a_millimetre(flown, folder):
+def test_resolution_of_a_tenth_of_a_millimetre(thinned, folder):
     """What the default resolution and adjusted standard time (60 ns near 2e8 s) cost."""
-    survey, _ = flown
+    survey, _ = thinned
     site = Site()
     worst = differences(survey, folder().read(frame=frame_of(site)).survey)
     assert 1e-9 < worst["time"] < 4e-8
@@ -75,9 +75,9 @@ def test_resolution_of_a_tenth_of_a_millimetre(flown, folder):
     assert worst["attitude"] < 2e-8
 
 
-def test_the_frame_is_at_the_strips(flown, folder):
+def test_the_frame_is_at_the_strips(thinned, folder):
     """Another origin turns and shifts the poses, and leaves the rays as they are."""
-    survey, _ = flown
+    survey, _ = thinned
     flight = folder().read()
     worst = differences(survey, flight.survey)
     assert worst["azimuth"] < 1e-4
@@ -102,8 +102,8 @@ def test_attitude_far_from_the_origin_is_turned_with_the_meridian():
     assert turned[0, 0] == pytest.approx(1000 / 6.39e6, rel=2e-3)  # east side down: right wing
 
 
-def test_sbet_written_by_the_simulator_is_read(flown, folder):
-    survey, _ = flown
+def test_sbet_written_by_the_simulator_is_read(thinned, folder):
+    survey, _ = thinned
     written = folder()
     poses = read_sbet(written.sbet)
     table = sbet_records(survey, written.site)

@@ -247,8 +247,8 @@ def test_a_late_clock_is_found():
     tie_planes, truth = flown(2, count=80)
     rate = np.random.default_rng(5).normal(0, [4, 4, 1, 0.3, 0.3, 0.1], (len(tie_planes.rays), 6))
     rays = replace(tie_planes.rays, pose=tie_planes.rays.pose - 0.005 * rate)
-    survey = replace(survey_of(), trajectory=Rated(rate))
     late = replace(tie_planes, rays=rays)
+    survey = replace(survey_of(), trajectory=Rated(rays, rate))
     found = find_noise(survey, late, truth.boresight)
     clock = calibrate_with_trajectory(survey, late, found=found, near=truth.boresight).clock
     assert clock.delay == pytest.approx(0.005, abs=4 * clock.sigma)
@@ -258,11 +258,15 @@ def test_a_late_clock_is_found():
 class Rated:
     """A trajectory whose rates are given, point by point."""
 
-    def __init__(self, rate):
-        self.values = rate
+    def __init__(self, rays, rate):
+        self.rays, self.values = rays, rate
+        self.time = np.array([rays.time.min() - 1, rays.time.max() + 1])
 
     def rate(self, time):
         return self.values
+
+    def at(self, time):
+        return self.rays.pose + (time - self.rays.time)[:, None] * self.values
 
 
 def test_without_noise_as_exact_as_the_others():

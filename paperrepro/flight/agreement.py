@@ -1,0 +1,92 @@
+"""What no ray can tell, tested on how well the strips agree: a turn about the spin axis.
+
+A wrong sign of roll leaves every ray of a scanner that spins about the body's forward axis on its
+beam, and the file's coordinates as they are. But the boresight then turns in a body that leans the
+wrong way, so after calibration the strips miss each other by the boresight times the roll.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from paperrepro.errors import BadInput, PaperReproError
+from paperrepro.flight import ray_test
+from paperrepro.flight.hypotheses import ATTITUDES, Hypothesis
+from paperrepro.method.adjustment import scenarios
+from paperrepro.method.adjustment.result import CalibrationResult
+from paperrepro.method.georeference import georeference
+from paperrepro.method.tie_planes import TiePlanes
+from paperrepro.survey import Survey
+
+#: A hypothesis explains a disagreement that it makes so much smaller, if it was this large, m.
+EXPLAINED, SEEN = 0.65, 0.02
+#: Noise further above its specification than this is no noise: a factor, and sigma0.
+PLAUSIBLE_FACTOR, PLAUSIBLE_SIGMA0 = 3.0, 2.0
+
+
+@dataclass(frozen=True)
+class _Poses:
+    """What a hypothesis on the attitude changes: ``attitude`` (N, 3) rad of the rays."""
+
+    attitude: np.ndarray
+
+    def with_attitude(self, attitude: np.ndarray) -> "_Poses":
+        return _Poses(attitude)
+
+
+def require_agreement(survey: Survey, tie_planes: TiePlanes, trajectory: str) -> None:
+    """Raise `BadInput` where ``tie_planes`` lie together far better under a mistake of the
+    ``trajectory`` that the rays do not show."""
+    plain = _disagreement(survey, tie_planes)
+    if plain is None or plain < SEEN:
+        return
+    for hypothesis, turned in _unseen(survey, tie_planes):
+        found = _disagreement(survey, turned)
+        if found is not None and found < EXPLAINED * plain:
+            raise BadInput(
+                f"{trajectory}: {hypothesis.what}: so the strips would agree to "
+                f"{100 * found:.1f} cm, as given they do to {100 * plain:.1f} cm, though the rays "
+                f"fit either way; {hypothesis.remedy}"
+            )
+
+
+def _unseen(survey: Survey, tie_planes: TiePlanes) -> Iterator[tuple[Hypothesis, TiePlanes]]:
+    """Hypotheses under which the rays still fit, and the tie planes under each."""
+    rays, mounting = tie_planes.rays, survey.mounting
+    p_m = georeference(rays, mounting)
+    elevation = ray_test.laser_rays(rays.pose, p_m, mounting)[1]
+    for hypothesis in ATTITUDES:
+        attitude = hypothesis.change(_Poses(rays.pose[:, 3:])).attitude
+        pose = np.column_stack([rays.pose[:, :3], attitude])
+        azimuth, turned, rho = ray_test.laser_rays(pose, p_m, mounting)
+        if np.median(np.abs(turned - elevation)) <= ray_test.FITS:
+            changed = replace(rays, pose=pose, azimuth=azimuth, rho=rho)
+            yield hypothesis, replace(tie_planes, rays=changed)
+
+
+def _disagreement(survey: Survey, tie_planes: TiePlanes) -> float | None:
+    """RMS m of the points about their planes under the best boresight; None if there is none."""
+    try:
+        return scenarios.calibrate(survey, tie_planes, "SL").rmse_after
+    except (PaperReproError, np.linalg.LinAlgError):
+        return None
+
+
+def implausible(result: CalibrationResult) -> list[str]:
+    """A remark on noise that is too large to be noise: a systematic error hides in it."""
+    warning = (
+        "a systematic error may hide in it, and the boresight may be off by more than its sigma: "
+        "check signs and units of the trajectory, the mounting and the time system"
+    )
+    factors = result.components or {}
+    large = [
+        f"{name} {factors[name]:.1f} times"
+        for name in ("range", "position", "attitude")
+        if factors.get(name, 1.0) > PLAUSIBLE_FACTOR
+    ]
+    if large:
+        return [f"Noise came out far above its specification ({', '.join(large)}): {warning}."]
+    if result.scenario == "D" and result.sigma0 > PLAUSIBLE_SIGMA0:
+        return [f"The misfits are {result.sigma0:.1f} times what the noise explains: {warning}."]
+    return []
