@@ -1,4 +1,4 @@
-"""A gross error of the matching, put in on purpose: what an estimator and its screening must bear."""
+"""A gross error of the matching, put in on purpose: what screening must bear."""
 
 import numpy as np
 
