@@ -15,12 +15,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from paperrepro import __version__
+import paperrepro as pr
+from paperrepro._files import require_folder, written_whole
 from paperrepro.errors import BadInput, PaperReproError
 
 # What can be chosen, spelt out so that --help need not load what offers it; a test compares them.
 PRESETS, PROFILES = ("mount", "table4"), ("quick", "paper")
 SCENES = ("farm", "forest", "yard", "fields")
+TERRAINS = ("rolling", "natural")
 SCENARIOS, PLANES = ("SL", "A", "B", "C", "D"), ("auto", "gables", "any")
 SITE = -25.754444, -49.394167, 900.0
 #: Where `study` leaves its rows: the ledger reads them there.
@@ -105,14 +107,15 @@ class _Parser(argparse.ArgumentParser):
         if default is not None:
             more = {"type": type(default), **more}
             several = isinstance(default, tuple)
-            words += f" (default {','.join(map(str, default)) if several else default})"
+            shown = ",".join(map(str, default)) if several else default
+            words += f" (default {shown})" if shown != "" else ""
         self.add_argument(name, default=default, help=words, **more)
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="paperrepro", description=__doc__.splitlines()[0])
     parser.epilog = "Each command has its own --help, with an example."
-    parser.add_argument("--version", action="version", version=__version__)
+    parser.add_argument("--version", action="version", version=pr.__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for add in _COMMANDS:
         add(commands)
@@ -139,21 +142,13 @@ def _survey(command: _Parser) -> None:
     command.option("--noise-scale", "multiplies the GNSS/INS error", 1.0, metavar="FACTOR")
 
 
-def _trajectory(command: _Parser) -> None:
-    words = "SBET; not needed where the strips hold a pose for each point"
-    command.option("--trajectory", words, type=Path, metavar="FILE")
-
-
-def _mounting(command: _Parser) -> None:
-    words = "mounting.toml: the nominal one"
-    command.option("--mounting", words, type=Path, required=True, metavar="FILE")
-
-
 def _strips(command: _Parser) -> None:
     """An operator's files, and where what is made of them goes."""
     command.option("strips", "LAS or LAZ files", nargs="+", type=Path, metavar="STRIP")
-    _trajectory(command)
-    _mounting(command)
+    words = "SBET; not needed where the strips hold a pose for each point"
+    command.option("--trajectory", words, type=Path, metavar="FILE")
+    words = "mounting.toml: the nominal one"
+    command.option("--mounting", words, type=Path, required=True, metavar="FILE")
     command.option("--crs", "of the strips, as EPSG:31982; else their header's")
     command.option("--ring-dimension", "where a point's ring stands", "user_data", metavar="NAME")
     command.option("--out", "written whole", type=Path, required=True, metavar="DIR")
@@ -166,6 +161,13 @@ def _workers(command: _Parser) -> None:
     command.option("--wait", "how long its workers are waited for", 60.0, metavar="SECONDS")
     words = "make anew what has failed before"
     command.add_argument("--retry-failed", action="store_true", help=words)
+
+
+def _work(options: argparse.Namespace) -> dict:
+    return {
+        "workers": options.workers, "scheduler": options.scheduler, "wait_s": options.wait,
+        "retry_failed": options.retry_failed,
+    }  # fmt: skip
 
 
 def _numbers(text: str) -> tuple[float, ...]:
@@ -228,26 +230,19 @@ def _reproduce_options(commands) -> None:
 
 
 def _reproduce(options: argparse.Namespace) -> int:
-    from data_synth import make_config
-    from paperrepro._files import require_folder
-    from paperrepro.figures import pages
-    from paperrepro.paper.reproduce import reproduce
-    from paperrepro.study.rows import SurveyKey
+    import data_synth
 
     if options.jobs < 1:
         raise BadInput(f"--jobs: expected at least 1, got {options.jobs}; give a number")
     out = options.out or Path("figures" if options.profile == "paper" else "runs/quick")
-    parameters = {
-        "preset": options.preset, "profile": options.profile,
-        "seed": options.seed, "noise_scale": options.noise_scale,
-    }  # fmt: skip
-    make_config(**parameters)  # refuses what cannot be simulated, before anything runs
-    require_folder(out)
+    names = "preset", "profile", "seed", "noise_scale"
+    parameters = {name: getattr(options, name) for name in names}
+    data_synth.make_config(**parameters)  # refuses what cannot be, before anything runs
     say, start = _say(options), time.perf_counter()
-    seconds = reproduce(out, parameters, options.only or (), options.jobs)
+    seconds = pr.reproduce(out, parameters, options.only or (), options.jobs)
     for name, spent in seconds.items():
         say(f"{name:32s} {spent:7.1f} s")
-    pages.write(out, SurveyKey(**parameters))
+    pr.figures.pages.write(out, pr.study.rows.SurveyKey(**parameters))
     say(f"{out}: done in {time.perf_counter() - start:.0f} s")
     return 0
 
@@ -259,6 +254,7 @@ def _simulate_options(commands) -> None:
     command.add_argument("--force", action="store_true", help="replace files that are there")
     _survey(command)
     command.option("--scene", "what is flown over", "farm", choices=SCENES)
+    command.option("--terrain", "how the ground runs", "rolling", choices=TERRAINS)
     latitude, longitude, height = SITE
     command.option("--latitude", "of the farm, south negative", latitude, metavar="DEG")
     command.option("--longitude", "of the farm, west negative", longitude, metavar="DEG")
@@ -268,29 +264,24 @@ def _simulate_options(commands) -> None:
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    from data_synth import make_config
+    import data_synth
     from data_synth.operator import Site, write_survey
-    from paperrepro._files import written_whole
-    from paperrepro.study.simulated import SimulatedSurvey
 
-    config = make_config(
-        options.preset, options.profile, seed=options.seed,
-        noise_scale=options.noise_scale, scene=options.scene,
-    )  # fmt: skip
+    names = "preset", "profile", "seed", "noise_scale", "scene", "terrain"
+    config = data_synth.make_config(**{name: getattr(options, name) for name in names})
     site = Site(options.latitude, options.longitude, options.height, options.zone)
-    flown = SimulatedSurvey(config, kept=True)
-    with written_whole(options.out) as folder:
-        write_survey(folder, flown.survey, flown.truth, site, options.scale)
-        there = [path.name for path in folder.iterdir() if (options.out / path.name).exists()]
+    flown = pr.study.simulated.SimulatedSurvey(config, kept=True)
+    with written_whole(options.out) as draft:
+        write_survey(draft, flown.survey, flown.truth, site, options.scale)
+        there = sorted(p.name for p in draft.iterdir() if (options.out / p.name).exists())
         if there and not options.force:
             raise BadInput(
-                f"{options.out}: holds {', '.join(sorted(there))} already; name another folder, or "
-                "give --force to replace them"
+                f"{options.out}: holds {', '.join(there)} already; name another folder, or give "
+                "--force to replace them"
             )
     strips = flown.survey.strips
-    _say(options)(
-        f"{options.out}: {len(strips)} strips, {sum(map(len, strips))} points, EPSG:{site.epsg}"
-    )
+    words = f"{len(strips)} strips, {sum(map(len, strips))} points, EPSG:{site.epsg}"
+    _say(options)(f"{options.out}: {words}")
     return 0
 
 
@@ -313,35 +304,28 @@ def _calibrate_options(commands) -> None:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
-    from paperrepro._files import written_whole
-    from paperrepro.figures import pages
-    from paperrepro.figures.flight import pictures
-    from paperrepro.flight import calibration_file
-    from paperrepro.flight.calibrate import calibrate_flight
-    from paperrepro.flight.read import read_flight
-    from paperrepro.flight.write import require_writable, write_strips
-    from paperrepro.method.parameters import Parameters
-
-    parameters = Parameters.read(options.set)
+    parameters = pr.method.parameters.Parameters.read(options.set)
     _require_strips_apart(options)
+    calibration, pages = pr.flight.calibration_file, pr.figures.pages
     with written_whole(options.out) as draft, _Steps(options) as steps:
         steps("reading")
-        flight = read_flight(
+        flight = pr.read_flight(
             options.strips, options.trajectory, options.mounting, accuracy=options.accuracy,
             crs=options.crs, ring_dimension=options.ring_dimension,
         )  # fmt: skip
         if options.write_strips:
-            require_writable(flight, options.out)
-        own = calibrate_flight(flight, options.scenario, options.planes, steps, parameters)
+            pr.flight.write.require_writable(flight, options.out)
+        own = pr.calibrate_flight(flight, options.scenario, options.planes, steps, parameters)
         steps("report")
-        calibration_file.write(own, draft / calibration_file.NAME, notes=list(flight.notes))
-        page = pages.calibration_page(own, pictures(own), _files(options), flight.notes)
+        calibration.write(own, draft / calibration.NAME, notes=list(flight.notes))
+        pictures = pr.figures.flight.pictures(own)
+        page = pages.calibration_page(own, pictures, _files(options), flight.notes)
         (draft / pages.NAME).write_text(page, encoding="utf-8", newline="\n")
         if options.write_strips:
             steps("adjusted strips")
-            write_strips(flight, own.result.calibrated, draft)
+            pr.flight.write.write_strips(flight, own.result.calibrated, draft)
     say = _say(options)
-    say(f"{options.out}: {calibration_file.NAME}, {pages.NAME}")
+    say(f"{options.out}: {calibration.NAME}, {pages.NAME}")
     say("\n".join([*flight.notes, own.summary()]))
     return 0
 
@@ -383,16 +367,14 @@ def _apply_options(commands) -> None:
 
 
 def _apply(options: argparse.Namespace) -> int:
-    from paperrepro.flight.write import apply_calibration
-
-    written = apply_calibration(
+    say = _say(options)
+    applied = pr.apply_calibration(
         options.strips, options.trajectory, options.mounting, options.calibration, options.out,
         crs=options.crs, ring_dimension=options.ring_dimension,
     )  # fmt: skip
-    say = _say(options)
-    for note in written.notes:
+    for note in applied.notes:
         say(f"note: {note}")
-    say(f"{options.out}: {len(written.strips)} strips, {written.points} points")
+    say(f"{options.out}: {len(applied.strips)} strips, {applied.points} points")
     return 0
 
 
@@ -413,15 +395,14 @@ def _sweep_options(commands) -> None:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    from paperrepro.paper.reproduce import NOTEBOOKS
-    from paperrepro.study.workers import run_sweep
-
-    say = _say(options)
-    finished = run_sweep(
-        options.notebook or NOTEBOOKS / "08_noise_sweep_run.ipynb", options.grid, options.out,
-        seeds=options.seeds, workers=options.workers, scheduler=options.scheduler,
-        wait_s=options.wait, retry_failed=options.retry_failed, progress=say,
-    )  # fmt: skip
+    say, notebook = _say(options), options.notebook
+    if notebook is None:
+        notebook = pr.paper.reproduce.NOTEBOOKS / "08_noise_sweep_run.ipynb"
+        if not notebook.exists():
+            raise BadInput("sweep: needs a clone of the repository, or --notebook; give one")
+    finished = pr.run_sweep(
+        notebook, options.grid, options.out, seeds=options.seeds, progress=say, **_work(options)
+    )
     _print_failures(finished, f"see {options.out / 'failed.csv'}")
     say(
         f"{options.out / 'sweep.csv'}: {finished.done} of {len(finished.points)} runs, "
@@ -450,12 +431,9 @@ def _stopped(finished) -> int:
 
 
 def _draw(rows, folder: Path, say: Callable[[str], None]) -> None:
-    from paperrepro import figures
-    from paperrepro.figures import study as draw
-
-    figures.use_style()
-    for name, figure, data in draw.pictures(rows):
-        figures.save(figure, folder, name, data)
+    pr.figures.use_style()
+    for name, figure, data in pr.figures.study.pictures(rows):
+        pr.figures.save(figure, folder, name, data)
         say(f"{folder / name}.png")
 
 
@@ -478,30 +456,22 @@ def _study_options(commands) -> None:
 
 
 def _study(options: argparse.Namespace) -> int:
-    from paperrepro._files import require_folder
-    from paperrepro.study.rows import FAILED, write_csv
-    from paperrepro.study.simulated import planned
-    from paperrepro.study.workers import run_study
-
-    say = _say(options)
-    surveys = planned(
+    say, tidy = _say(options), pr.study.rows
+    surveys = pr.study.simulated.planned(
         options.seeds, options.coverage_seeds, options.noise_scale, options.preset, options.profile,
         options.errors,
     )  # fmt: skip
     require_folder(options.out.parent)
-    finished = run_study(
-        surveys, workers=options.workers, scheduler=options.scheduler, wait_s=options.wait,
-        retry_failed=options.retry_failed, progress=say,
-    )  # fmt: skip
-    _print_failures(finished, f"see the rows of metric {FAILED}")
+    finished = pr.run_study(surveys, progress=say, **_work(options))
+    _print_failures(finished, f"see the rows of metric {tidy.FAILED}")
     if finished.lost or finished.stopped:
         print(f"paperrepro: {options.out}: not written, surveys are missing", file=sys.stderr)
         return _stopped(finished) or 1
     rows = finished.rows
     for column in ("value", "sigma"):
         rows[column] = [float(f"{number:.{STUDY_DIGITS}g}") for number in rows[column]]
-    write_csv(rows, options.out.parent, options.out.stem)
-    failures = (rows.metric == FAILED).sum()
+    tidy.write_csv(rows, options.out.parent, options.out.stem)
+    failures = (rows.metric == tidy.FAILED).sum()
     say(f"{options.out}: {len(surveys)} surveys, {len(rows)} rows, {failures} failures")
     return 0
 

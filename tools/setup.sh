@@ -101,11 +101,15 @@ make_venv() {
 }
 
 install_packages() {
-    local pip=("$venv/bin/python" -m pip --disable-pip-version-check install --quiet)
-    say "installing the packages of environment.txt (a minute or two)"
-    "${pip[@]}" -r environment.txt
+    local pip=("$venv/bin/python" -m pip --disable-pip-version-check install --progress-bar off)
+    local total
+    total=$(grep -c == environment.txt)
+    say "installing the packages of environment.txt, about $total (a minute or two)"
+    "${pip[@]}" -r environment.txt | awk -v total="$total" '
+        /^Collecting/ && ++n % 20 == 0 { print "setup: " n " of about " total " found"; fflush() }
+        /^Installing collected/ { print "setup: unpacking them"; fflush() }'
     say "installing the project, editable"
-    "${pip[@]}" --no-deps --no-build-isolation -e .
+    "${pip[@]}" --quiet --no-deps --no-build-isolation -e .
     OPEN3D_DISABLE_WEB_VISUALIZER=true "$venv/bin/python" -c 'import open3d, paperrepro' ||
         stop "the packages are installed but do not import, see above"
 }

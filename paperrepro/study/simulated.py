@@ -15,7 +15,7 @@ from data_synth import SimulationConfig, Truth, make_config, simulate
 from data_synth.evaluation import ViewTruth, judge_views, true_planes
 from data_synth.navigation import ATTITUDE_SIGMA, CORRELATION_TIME, POSITION_SIGMA
 from paperrepro._cache import cached
-from paperrepro.errors import BadInput, PaperReproError, TooFewPlanes
+from paperrepro.errors import BadInput, PaperReproError
 from paperrepro.frames import boresight_matrix
 from paperrepro.method import refine_all
 from paperrepro.method.accuracy import (
@@ -43,7 +43,7 @@ from paperrepro.method.coarse_to_fine import (
     find_roofs,
 )
 from paperrepro.method.georeference import georeference
-from paperrepro.method.tie_planes import TiePlanes
+from paperrepro.study.gross_error import with_wrong_match
 from paperrepro.study.rows import (
     ANGLES,
     ARTEFACT,
@@ -62,8 +62,6 @@ from paperrepro.survey import Mounting, Rays, Survey
 
 #: Density falls from the track outwards; this quantile of the square metres is near the track.
 CREST = 0.9
-#: Faces more inclined to each other than this would not be taken for one another.
-MOST_BETWEEN_DEG = 10.0
 #: By how much the lever arm is wrong that scenario D is told and asked for, m, b-frame.
 WRONG_LEVER_ARM = np.array([0.03, -0.03, 0.03])
 #: Factors by which scenario D is told a wrong specification of the GNSS/INS.
@@ -474,40 +472,3 @@ def _accuracy(distances: np.ndarray, offsets: np.ndarray) -> Iterator[tuple[str,
     yield "ks", "1", shape.ks
     yield "offset_mean", "m", offsets.mean()
     yield "offset_max", "m", offsets.max()
-
-
-def with_wrong_match(tie_planes: TiePlanes, mounting: Mounting) -> TiePlanes:
-    """``tie_planes`` with the likeliest mistake: of all faces that could be taken for a view of
-    another plane, alike inclined and unseen there by their strip, the one nearest to its centroid.
-
-    Only faces of planes with at least three views move, so no plane is lost. Raises `TooFewPlanes`
-    where no such face exists.
-    """
-    face, plane = _likeliest(tie_planes, mounting)
-    planes = [list(np.flatnonzero(tie_planes.plane == g)) for g in range(tie_planes.n_planes)]
-    planes[tie_planes.plane[face]].remove(face)
-    pairs = [tuple(pair) for pair in tie_planes.pairs if face not in pair]
-    pairs += [(other, face) for other in planes[plane]]
-    planes[plane].append(face)
-    rays = [tie_planes.rays.take(slice(first, last)) for first, last in tie_planes.ranges]
-    return TiePlanes.build(rays, list(tie_planes.strips), planes, pairs)
-
-
-def _likeliest(tie_planes: TiePlanes, mounting: Mounting) -> tuple[int, int]:
-    """The face to be moved, and the plane that it is moved to."""
-    faces, planes = tie_planes.states(mounting), tie_planes.plane_states(mounting)
-    away = np.linalg.norm(faces.centroid[:, None] - planes.centroid[None], axis=2)
-    alike = np.abs(faces.plane[:, :3] @ planes.plane[:, :3].T)
-    away[alike < np.cos(np.deg2rad(MOST_BETWEEN_DEG))] = np.inf
-    away[np.bincount(tie_planes.plane)[tie_planes.plane] < 3] = np.inf
-    for face, strip in enumerate(tie_planes.strips):
-        seen = [p for p, s in zip(tie_planes.plane, tie_planes.strips, strict=True) if s == strip]
-        away[face, seen] = np.inf
-    if not np.isfinite(away).any():
-        raise TooFewPlanes(
-            "expected two planes alike within "
-            f"{MOST_BETWEEN_DEG:g} deg of which a strip sees only one, got none among "
-            f"{tie_planes.n_planes}; fly over more roofs"
-        )
-    face, plane = np.unravel_index(away.argmin(), away.shape)
-    return int(face), int(plane)

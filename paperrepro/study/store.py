@@ -7,6 +7,7 @@ all. A run that failed leaves a note instead, with the notebook as far as it ran
 import io
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 
 import pandas as pd
@@ -125,8 +126,9 @@ def _tidy(rows: str) -> pd.DataFrame:
 
 def _failed_row(point: Point) -> pd.DataFrame:
     """The row of a survey that could not be measured; none where the run is of no survey."""
-    names = SurveyKey.__dataclass_fields__
-    if not set(names) <= set(point.parameters):
+    known = {one.name for one in fields(SurveyKey)} & set(point.parameters)
+    try:
+        key = SurveyKey(**{name: point.parameters[name] for name in known})
+    except TypeError:
         return frame([])
-    key = SurveyKey(**{name: point.parameters[name] for name in names})
     return frame([key.row(ARTEFACT, "all", FAILED, "1", 1)])

@@ -21,6 +21,7 @@ from dask.system import CPU_COUNT
 from tqdm import tqdm
 
 from paperrepro._cache import cache_folder
+from paperrepro._files import require_folder
 from paperrepro.errors import BadInput
 from paperrepro.study.environment import ONE_THREAD, variables
 from paperrepro.study.grid import SEED, Fingerprint, Point, points, read_grid
@@ -123,6 +124,7 @@ def run_sweep(
         Where a parameter is unknown, a point cannot be simulated, the folder is in use or cannot
         be written, no scheduler answers, or a worker has another version.
     """
+    _require_one_of(workers, scheduler)
     notebook, known = Path(notebook), declared(Path(notebook))
     named = any(text.startswith(f"{SEED}=") for text in grid)
     if seeds is None and SEED in known and not named:
@@ -170,15 +172,40 @@ def run_study(
     BadInput
         As in `run_sweep`.
     """
+    _require_one_of(workers, scheduler)
     job = SurveyJob(Fingerprint.of(SurveyJob.SOURCE))
     shown = [one.name for one in fields(SurveyKey)]
     runs = [
         Point.of({**asdict(key), **asdict(what)}, job.asked, shown) for key, what in surveys.items()
     ]
-    with Store(cache_folder() / ARTEFACT / str(job.asked)[:12]) as store:
+    with _study_folder(job, progress) as folder, Store(folder) as store:
         finished = _make(job, runs, store, workers, scheduler, wait_s, retry_failed, progress)
         finished.rows = store.collate(runs)
     return finished
+
+
+@contextmanager
+def _study_folder(job: Job, progress: Progress) -> Iterator[Path]:
+    """Below the cache folder; where that cannot be written, for a while only."""
+    folder = cache_folder() / ARTEFACT / str(job.asked)[:12]
+    try:
+        require_folder(folder)
+    except BadInput as error:
+        progress(f"{str(error).split(';')[0]}: a study that is stopped begins anew")
+        with tempfile.TemporaryDirectory(prefix="study-") as name:
+            yield Path(name)
+    else:
+        yield folder
+
+
+def _require_one_of(workers: int | None, scheduler: str | None) -> None:
+    """Raises `BadInput` where both are given, or no number of workers."""
+    if workers is not None and scheduler:
+        raise BadInput(
+            "--workers and --scheduler: expected one of them; a scheduler brings its own workers"
+        )
+    if workers is not None and workers < 1:
+        raise BadInput(f"--workers: expected at least 1, got {workers}; give a number")
 
 
 def _refuse_what_cannot_be_simulated(runs: Sequence[Point]) -> None:
@@ -230,14 +257,8 @@ def _make(
 def cluster(scheduler: str | None = None, workers: int | None = None) -> Iterator[Client]:
     """A client of the workers of ``scheduler``, an address, or of so many new processes here.
 
-    Raises `BadInput` where no scheduler answers, or the number is no number of workers.
+    Raises `BadInput` where no scheduler answers.
     """
-    if workers is not None and scheduler:
-        raise BadInput(
-            "--workers and --scheduler: expected one of them; a scheduler brings its own workers"
-        )
-    if workers is not None and workers < 1:
-        raise BadInput(f"--workers: expected at least 1, got {workers}; give a number")
     if scheduler is None:
         with _local(workers or CPU_COUNT) as client:
             yield client

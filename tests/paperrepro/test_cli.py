@@ -31,7 +31,7 @@ from paperrepro.cli import main
 try:
     main(["{option}"])
 except SystemExit as end:
-    heavy = {{"numba", "pandas", "scipy", "numpy", "matplotlib", "dask"}} & set(sys.modules)
+    heavy = {{"numba", "pandas", "scipy", "matplotlib", "dask"}} & set(sys.modules)
     print(end.code, time.process_time(), heavy, file=sys.stderr)
 """
     code, seconds, heavy = ran(code).stderr.split(maxsplit=2)
@@ -43,7 +43,7 @@ except SystemExit as end:
 def test_what_is_spelt_out_for_help_is_what_there_is():
     assert set(cli.PRESETS) == set(data_synth.PRESETS)
     assert set(cli.PROFILES) == set(data_synth.PROFILES)
-    assert cli.SCENES == presets.SCENES
+    assert (cli.SCENES, cli.TERRAINS) == (presets.SCENES, presets.TERRAINS)
     assert sorted(cli.SCENARIOS) == sorted(SCENARIO_NAMES)
     assert cli.PLANES == PLANES
     assert cli.SITE == (operator.LATITUDE_DEG, operator.LONGITUDE_DEG, operator.HEIGHT_M)
@@ -64,6 +64,10 @@ def test_each_command_has_an_example(capsys, command):
         (["simulate", "--out", "x", "--preset", "other"], "invalid choice: 'other'"),
         (["reproduce", "--jobs", "0"], "--jobs: expected at least 1"),
         (["simulate", "--out", "/dev/null/x"], "/dev/null/x: cannot be written"),
+        (
+            ["calibrate", "F1.laz", "--mounting", "m.toml", "--out", "x", "--set", "angle=2"],
+            "'angle'",
+        ),
         (["reproduce", "--out", "/dev/null/x"], "/dev/null/x: cannot be written"),
         (["study", "--out", "/dev/null/x/study.csv"], "/dev/null/x: cannot be written"),
     ],

@@ -36,7 +36,8 @@ lines = ["{",".join(COLUMNS)}"]
 values = {{"one": seed + noise_scale / 7, "two": seed * noise_scale, "left": float(leftover),
            "threads": float(os.environ["NUMBA_NUM_THREADS"])}}
 for metric, value in values.items():
-    lines.append(f"stand-in,SL,{{preset}},{{profile}},{{noise_scale}},{{seed}},{{metric}},1,{{value}},")
+    start = f"stand-in,SL,{{preset}},{{profile}},{{noise_scale}},specified,{{seed}}"
+    lines.append(f"{{start}},{{metric}},1,{{value}},")
 if figures_dir:
     (Path(figures_dir) / "rows").mkdir()
     (Path(figures_dir) / "rows" / "standin.csv").write_text("\\n".join(lines) + "\\n")

@@ -130,7 +130,7 @@ def test_stopped_it_ends_cleanly_and_says_how_to_go_on(sweep, tmp_path, how):
         until(lambda: len(finished(tmp_path)) >= 2, process)
         processes = family(process)
         # a terminal sends Ctrl-C to the whole group, a cluster its signal to the job
-        (os.kill if how == signal.SIGTERM else os.killpg)(process.pid, how)
+        (os.killpg if how == signal.SIGINT else os.kill)(process.pid, how)
         out, err = process.communicate(timeout=PATIENCE_S)
         assert all_gone(processes), "workers or kernels outlive the sweep"
     kept = len(finished(tmp_path))
@@ -149,7 +149,7 @@ def scheduler(folder, workers, *more):
     with ExitStack() as stack:
         address = folder / "scheduler.json"
         command = [dask, "scheduler", "--port", "0", "--no-dashboard", "--host", "127.0.0.1"]
-        stack.enter_context(started([*command, "--scheduler-file", address]))
+        process = stack.enter_context(started([*command, "--scheduler-file", address]))
         until(address.exists)
         found = re.search(r"tcp://[\d.:]+", address.read_text())[0]
         command = [dask, "worker", found, "--nthreads", "1", "--no-dashboard", *more]
@@ -157,7 +157,7 @@ def scheduler(folder, workers, *more):
         processes = [
             stack.enter_context(started([*command, "--local-directory", place])) for place in places
         ]
-        yield found, processes
+        yield found, processes, process
 
 
 def test_an_external_scheduler_gives_the_rows_of_a_local_one(sweep, tmp_path, capsys):
@@ -165,7 +165,7 @@ def test_an_external_scheduler_gives_the_rows_of_a_local_one(sweep, tmp_path, ca
     subprocess.run(paperrepro(local), check=True, capture_output=True)
     rows = rows_of(tmp_path / "out")
     elsewhere = [str(tmp_path / "far") if part == str(tmp_path / "out") else part for part in sweep]
-    with scheduler(tmp_path, 2) as (address, workers):
+    with scheduler(tmp_path, 2) as (address, workers, _):
         lines = len(begun(tmp_path / "log"))
         command = paperrepro([*elsewhere, "--scheduler", address])
         made = subprocess.run(command, check=True, capture_output=True, text=True)
@@ -199,7 +199,7 @@ def test_a_kernel_that_dies_is_a_failure_of_its_run_alone(tmp_path):
 
 
 def test_a_scheduler_without_workers_is_waited_for_with_words_and_a_limit(sweep, tmp_path):
-    with scheduler(tmp_path, 0) as (address, _):
+    with scheduler(tmp_path, 0) as (address, _, _):
         command = paperrepro([*sweep, "--scheduler", address, "--wait", "2"])
         done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 2
@@ -209,12 +209,11 @@ def test_a_scheduler_without_workers_is_waited_for_with_words_and_a_limit(sweep,
 
 
 def test_a_scheduler_that_is_killed_is_said_in_a_line(sweep, tmp_path):
-    with scheduler(tmp_path, 1) as (address, _):
+    with scheduler(tmp_path, 1) as (address, _, asked):
         command = paperrepro([*sweep, "--scheduler", address])
         with started(command, text=True) as process:
             until(lambda: len(finished(tmp_path)) >= 1, process)
-            pid = int(re.search(r'"pid": (\d+)', (tmp_path / "scheduler.json").read_text())[1])
-            os.kill(pid, signal.SIGKILL)
+            asked.kill()
             out, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1
     assert "stopped (the scheduler is gone); the same command goes on" in err
@@ -225,7 +224,7 @@ def test_a_scheduler_that_is_killed_is_said_in_a_line(sweep, tmp_path):
 
 
 def test_workers_that_are_gone_for_good_end_the_sweep(sweep, tmp_path):
-    with scheduler(tmp_path, 1) as (address, (worker,)):
+    with scheduler(tmp_path, 1) as (address, (worker,), _):
         command = paperrepro([*sweep, "--scheduler", address, "--wait", "3"])
         with started(command, text=True) as process:
             until(lambda: len(finished(tmp_path)) >= 1, process)
@@ -247,7 +246,7 @@ if noise_scale == 60:
     print("word " * 1_000_000)
 """
     notebook = write_notebook(tmp_path / "standin.ipynb", source + MEASURES)
-    with scheduler(tmp_path, 1, "--memory-limit", "400MB") as (address, _):
+    with scheduler(tmp_path, 1, "--memory-limit", "400MB") as (address, _, _):
         more = ["--scheduler", address]
         command = arguments(notebook, tmp_path / "out", *more, noise="50,60,1", seeds=1)
         done = subprocess.run(paperrepro(command), capture_output=True, text=True)

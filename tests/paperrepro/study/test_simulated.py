@@ -7,6 +7,7 @@ from data_synth import make_config
 from paperrepro.errors import BadInput
 from paperrepro.paper import claims
 from paperrepro.study import statistics
+from paperrepro.study.gross_error import with_wrong_match
 from paperrepro.study.rows import SurveyKey, frame
 from paperrepro.study.simulated import (
     ANGLES_ONLY,
@@ -15,7 +16,6 @@ from paperrepro.study.simulated import (
     SimulatedSurvey,
     measure,
     planned,
-    with_wrong_match,
 )
 
 
