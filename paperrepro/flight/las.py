@@ -127,10 +127,11 @@ def open_strip(path: Path, crs: str | None = None, ring_dimension: str = "user_d
             f"{', '.join(sorted(names))}; name the right one with --ring-dimension"
         )
     grid = Grid(_crs_of(header, path) if crs is None else crs, "--crs" if crs else str(path))
-    if header.generating_software.startswith(SOFTWARE):
+    software = header.generating_software  # bytes, where they are no ASCII
+    if isinstance(software, str) and software.startswith(SOFTWARE):
         notes += (
-            f"{path}: was written under a calibration, as its header says ("
-            f"{header.generating_software.strip()}); a second one adds to that",
+            f"{path}: was written under a calibration, as its header says ({software.strip()}); a "
+            "second one adds to that",
         )
     return StripFile(
         path, grid, ring_dimension, int(count), np.array(header.scales),
