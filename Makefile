@@ -3,7 +3,7 @@
 PYTHON  ?= python3
 PROFILE ?= paper
 SEED    ?=
-OUT     ?= figures
+OUT     ?= $(if $(filter paper,$(PROFILE)),figures,runs/$(PROFILE))
 JOBS    ?= 2
 NOISE   ?= 0,0.5,1,2,4
 SEEDS   ?= 2
@@ -41,7 +41,7 @@ $(ready): environment.txt pyproject.toml tools/setup.sh
 	tools/setup.sh "$(PYTHON)"
 	touch $@
 
-reproduce: $(ready) ## make every table and figure into OUT
+reproduce: $(ready) ## make every table and figure into OUT: figures, or runs/quick with PROFILE=quick
 	$(bin)/paperrepro reproduce --profile "$(PROFILE)" --out "$(OUT)" $(if $(SEED),--seed "$(SEED)") $(ARGS)
 
 sweep: $(ready) ## execute a notebook over noise levels and seeds, into sweeps/small; goes on if stopped

@@ -51,5 +51,19 @@ def __getattr__(name: str):
     raise AttributeError(f"paperrepro has no {name!r}; it offers {', '.join(API)}")
 
 
+def modules_of(room: str):
+    """``__getattr__`` of a room: its modules are imported when first asked for."""
+
+    def module(name: str):
+        try:
+            return importlib.import_module(f"{room}.{name}")
+        except ModuleNotFoundError as error:
+            if error.name != f"{room}.{name}":
+                raise
+            raise AttributeError(f"{room} has no {name!r}") from None
+
+    return module
+
+
 def __dir__() -> list[str]:
     return [*API, "__version__"]

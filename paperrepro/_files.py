@@ -105,16 +105,16 @@ def _replace_all(draft: Path, folder: Path) -> None:
                 place.parent.mkdir(parents=True, exist_ok=True)
             if target.is_dir():
                 raise IsADirectoryError(None, "a folder has this name")
+            done.append((target, kept))
             if os.path.lexists(target):
                 os.replace(target, kept)
-            done.append((target, kept))
             os.replace(path, target)
     except OSError as error:
-        for target, kept in reversed(done):
+        for moved, kept in reversed(done):
             if os.path.lexists(kept):
-                os.replace(kept, target)
+                os.replace(kept, moved)
             else:
-                target.unlink(missing_ok=True)
+                moved.unlink(missing_ok=True)
         raise BadInput(
             f"{target}: cannot be replaced ({error.strerror}), so nothing was written; free it or "
             "name another folder"

@@ -1,34 +1,512 @@
-"""The command line. Exit codes: 0 done; 2 bad input, one line on stderr; 130 stopped; 1 others."""
+"""Reproduce a calibration of UAV LiDAR, calibrate your own flight, or sweep simulated ones.
+
+Exit codes: 0 done; 2 bad input, one line on stderr; 130 stopped by Ctrl-C, SIGTERM or SIGHUP; 1
+anything else.
+"""
 
 import argparse
+import importlib
+import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 
 from paperrepro import __version__
-from paperrepro.commands import apply, calibrate, reproduce, simulate, study, sweep
 from paperrepro.errors import BadInput, PaperReproError
+
+# What can be chosen, spelt out so that --help need not load what offers it; a test compares them.
+PRESETS, PROFILES = ("mount", "table4"), ("quick", "paper")
+SCENES = ("farm", "forest", "yard", "fields")
+SCENARIOS, PLANES = ("SL", "A", "B", "C", "D"), ("auto", "gables", "any")
+SITE = -25.754444, -49.394167, 900.0
+#: Where `study` leaves its rows: the ledger reads them there.
+STUDY = Path("figures/study.csv")
+#: Significant digits of a study's numbers: it is kept, and what chance decides is not written.
+STUDY_DIGITS = 4
+_LISTED = 20
+_EXAMPLE = "F*.laz --trajectory mission.sbet --mounting mounting.toml"
+_STOPS = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Entry point of ``paperrepro`` and ``python -m paperrepro``."""
-    options = _parser().parse_args(arguments)
+    """Entry point of ``paperrepro`` and ``python -m paperrepro``; gives the exit code."""
+    verbose = False
     try:
-        return options.run(options)
+        options = _parser().parse_args(arguments)
+        verbose = options.verbose
+        with _signals(_end_at_once):  # nothing has been begun
+            for module in options.needs:
+                importlib.import_module(f"paperrepro.{module}")
+        with _signals(signal.default_int_handler):
+            return options.run(options)
     except BadInput as error:
-        print(f"paperrepro: {error}", file=sys.stderr)
-        return 2
+        return _told(str(error), 2)
     except PaperReproError as error:
-        print(f"paperrepro: {error}", file=sys.stderr)
-        return 1
+        return _told(str(error), 1)
     except KeyboardInterrupt:
-        print("paperrepro: stopped", file=sys.stderr)
-        return 130
+        return _told("stopped", 130)
+    except BrokenPipeError:  # nobody reads on, as in `paperrepro ... | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        return _told(f"{where}{error.strerror or error}; make it readable, writable or larger", 1)
+    except Exception as error:
+        if verbose:
+            raise
+        return _told(f"{type(error).__name__}: {error}; --verbose shows where; please report it", 1)
+
+
+def _told(words: str, code: int) -> int:
+    print(f"paperrepro: {' '.join(words.split())}", file=sys.stderr)
+    return code
+
+
+def _end_at_once(*_) -> None:
+    """Interrupting the import of a library would leave a traceback of its own."""
+    os.write(2, b"paperrepro: stopped\n")
+    os._exit(130)
+
+
+@contextmanager
+def _signals(handler: Callable) -> Iterator[None]:
+    """A closed terminal and the end of a cluster's job are Ctrl-C, unless told to be ignored."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in _STOPS}
+    try:
+        for number, was in before.items():
+            if was is not signal.SIG_IGN:
+                signal.signal(number, handler)
+        yield
+    finally:
+        for number, was in before.items():
+            signal.signal(number, was)
+
+
+# Options
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str):
+        raise BadInput(f"{message}; see {self.prog} --help")
+
+    def option(self, name: str, words: str, default=None, **more) -> None:
+        """An argument of the type of its ``default``, which ends its help."""
+        if default is not None:
+            more = {"type": type(default), **more}
+            several = isinstance(default, tuple)
+            words += f" (default {','.join(map(str, default)) if several else default})"
+        self.add_argument(name, default=default, help=words, **more)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="paperrepro", description=__doc__.splitlines()[0])
+    parser = _Parser(prog="paperrepro", description=__doc__.splitlines()[0])
+    parser.epilog = "Each command has its own --help, with an example."
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (apply, calibrate, reproduce, simulate, study, sweep):
-        command.add(commands)
+    for add in _COMMANDS:
+        add(commands)
     return parser
+
+
+def _command(commands, run: Callable, words: str, example: str, needs: str) -> _Parser:
+    """A command with the options that all have; its modules ``needs`` are loaded before it runs."""
+    name = run.__name__.strip("_")
+    command = commands.add_parser(name, help=words, description=f"{words[0].upper()}{words[1:]}.")
+    command.epilog = f"Example: paperrepro {name} {example}"
+    how = command.add_mutually_exclusive_group()
+    how.add_argument("-q", "--quiet", action="store_true", help="only say what went wrong")
+    how.add_argument("-v", "--verbose", action="store_true", help="each step; origins of errors")
+    command.set_defaults(run=run, needs=needs.split())
+    return command
+
+
+def _survey(command: _Parser) -> None:
+    """Options of a simulated survey."""
+    command.option("--preset", "true boresight: a degree, or Table 4's", "mount", choices=PRESETS)
+    command.option("--profile", "one pulse in 16, or all", "quick", choices=PROFILES)
+    command.option("--seed", "of the survey", 1)
+    command.option("--noise-scale", "multiplies the GNSS/INS error", 1.0, metavar="FACTOR")
+
+
+def _trajectory(command: _Parser) -> None:
+    words = "SBET; not needed where the strips hold a pose for each point"
+    command.option("--trajectory", words, type=Path, metavar="FILE")
+
+
+def _mounting(command: _Parser) -> None:
+    words = "mounting.toml: the nominal one"
+    command.option("--mounting", words, type=Path, required=True, metavar="FILE")
+
+
+def _strips(command: _Parser) -> None:
+    """An operator's files, and where what is made of them goes."""
+    command.option("strips", "LAS or LAZ files", nargs="+", type=Path, metavar="STRIP")
+    _trajectory(command)
+    _mounting(command)
+    command.option("--crs", "of the strips, as EPSG:31982; else their header's")
+    command.option("--ring-dimension", "where a point's ring stands", "user_data", metavar="NAME")
+    command.option("--out", "written whole", type=Path, required=True, metavar="DIR")
+
+
+def _workers(command: _Parser) -> None:
+    """Who does the work of many surveys."""
+    command.option("--workers", "processes here; else one a core", type=int)
+    command.option("--scheduler", "a Dask scheduler that is running", metavar="tcp://HOST:PORT")
+    command.option("--wait", "how long its workers are waited for", 60.0, metavar="SECONDS")
+    words = "make anew what has failed before"
+    command.add_argument("--retry-failed", action="store_true", help=words)
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    return tuple(float(part) for part in text.split(","))
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(text.split(","))
+
+
+def _say(options: argparse.Namespace) -> Callable[[str], None]:
+    """How a command tells what it does."""
+    return (lambda words: None) if options.quiet else lambda words: print(words, flush=True)
+
+
+class _Steps:
+    """A progress bar on a terminal, elsewhere a line for each step. The bar grows with the work:
+    how long it is going to be is known in part only."""
+
+    #: Reading, three passes, the adjustment, distances, the report.
+    USUAL = 7
+
+    def __init__(self, options: argparse.Namespace):
+        from tqdm import tqdm
+
+        self.lines = not options.quiet and (options.verbose or not sys.stderr.isatty())
+        self.start = time.monotonic()
+        self.bar = tqdm(
+            total=len(options.strips) + self.USUAL, disable=options.quiet or self.lines,
+            leave=False, bar_format="{percentage:3.0f} %|{bar:30}| {elapsed} {desc}",
+        )  # fmt: skip
+
+    def __call__(self, words: str) -> None:
+        if self.lines:
+            print(f"{time.monotonic() - self.start:7.1f} s  {words}", flush=True)
+        elif not self.bar.disable:
+            self.bar.set_description_str(words, refresh=False)
+            self.bar.total = max(self.bar.total, self.bar.n + 2)
+            self.bar.update(1)
+
+    def __enter__(self) -> "_Steps":
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.bar.close()
+
+
+# The commands, in the order of work
+
+
+def _reproduce_options(commands) -> None:
+    words = "execute every notebook; tables, figures, report (needs a clone)"
+    needs = "paper.reproduce figures.pages"
+    command = _command(commands, _reproduce, words, "--profile paper", needs)
+    _survey(command)
+    words = "else figures with --profile paper, runs/quick without"
+    command.option("--out", words, type=Path, metavar="DIR")
+    command.option("--only", "notebooks by the start of their names", metavar="05,07", type=_names)
+    command.option("--jobs", "notebooks at a time", 2)
+
+
+def _reproduce(options: argparse.Namespace) -> int:
+    from data_synth import make_config
+    from paperrepro._files import require_folder
+    from paperrepro.figures import pages
+    from paperrepro.paper.reproduce import reproduce
+    from paperrepro.study.rows import SurveyKey
+
+    if options.jobs < 1:
+        raise BadInput(f"--jobs: expected at least 1, got {options.jobs}; give a number")
+    out = options.out or Path("figures" if options.profile == "paper" else "runs/quick")
+    parameters = {
+        "preset": options.preset, "profile": options.profile,
+        "seed": options.seed, "noise_scale": options.noise_scale,
+    }  # fmt: skip
+    make_config(**parameters)  # refuses what cannot be simulated, before anything runs
+    require_folder(out)
+    say, start = _say(options), time.perf_counter()
+    seconds = reproduce(out, parameters, options.only or (), options.jobs)
+    for name, spent in seconds.items():
+        say(f"{name:32s} {spent:7.1f} s")
+    pages.write(out, SurveyKey(**parameters))
+    say(f"{out}: done in {time.perf_counter() - start:.0f} s")
+    return 0
+
+
+def _simulate_options(commands) -> None:
+    words = "write a simulated survey as an operator has it: LAZ, SBET, mounting"
+    command = _command(commands, _simulate, words, "--out flight", "study.simulated")
+    command.option("--out", "written whole", type=Path, required=True, metavar="DIR")
+    command.add_argument("--force", action="store_true", help="replace files that are there")
+    _survey(command)
+    command.option("--scene", "what is flown over", "farm", choices=SCENES)
+    latitude, longitude, height = SITE
+    command.option("--latitude", "of the farm, south negative", latitude, metavar="DEG")
+    command.option("--longitude", "of the farm, west negative", longitude, metavar="DEG")
+    command.option("--height", "of the farm, ellipsoidal", height, metavar="M")
+    command.option("--zone", "of UTM; else the site's own", type=int)
+    command.option("--scale", "resolution of the LAZ coordinates", 0.0001, metavar="M")
+
+
+def _simulate(options: argparse.Namespace) -> int:
+    from data_synth import make_config
+    from data_synth.operator import Site, write_survey
+    from paperrepro._files import written_whole
+    from paperrepro.study.simulated import SimulatedSurvey
+
+    config = make_config(
+        options.preset, options.profile, seed=options.seed,
+        noise_scale=options.noise_scale, scene=options.scene,
+    )  # fmt: skip
+    site = Site(options.latitude, options.longitude, options.height, options.zone)
+    flown = SimulatedSurvey(config, kept=True)
+    with written_whole(options.out) as folder:
+        write_survey(folder, flown.survey, flown.truth, site, options.scale)
+        there = [path.name for path in folder.iterdir() if (options.out / path.name).exists()]
+        if there and not options.force:
+            raise BadInput(
+                f"{options.out}: holds {', '.join(sorted(there))} already; name another folder, or "
+                "give --force to replace them"
+            )
+    strips = flown.survey.strips
+    _say(options)(
+        f"{options.out}: {len(strips)} strips, {sum(map(len, strips))} points, EPSG:{site.epsg}"
+    )
+    return 0
+
+
+def _calibrate_options(commands) -> None:
+    command = _command(
+        commands, _calibrate, "calibrate your own flight: calibration.json, report.html, strips",
+        f"{_EXAMPLE} --out calibrated",
+        "flight.read flight.calibrate flight.write figures.pages figures.flight",
+    )  # fmt: skip
+    _strips(command)
+    words = "estimator: SL, A, B, C of the paper, or D, ours"
+    command.option("--scenario", words, "D", choices=SCENARIOS)
+    words = "gable roofs, patches of any kind, or gables where there are enough"
+    command.option("--planes", words, "auto", choices=PLANES)
+    words = "write the strips under the new mounting, too"
+    command.add_argument("--write-strips", action="store_true", help=words)
+    command.option("--accuracy", "SMRMSG of the trajectory", type=Path, metavar="FILE")
+    words = "parameters of Table 2, such as growing_angle_deg=2, or a TOML file of such lines"
+    command.option("--set", words, "", metavar="NAME=VALUE,…")
+
+
+def _calibrate(options: argparse.Namespace) -> int:
+    from paperrepro._files import written_whole
+    from paperrepro.figures import pages
+    from paperrepro.figures.flight import pictures
+    from paperrepro.flight import calibration_file
+    from paperrepro.flight.calibrate import calibrate_flight
+    from paperrepro.flight.read import read_flight
+    from paperrepro.flight.write import require_writable, write_strips
+    from paperrepro.method.parameters import Parameters
+
+    parameters = Parameters.read(options.set)
+    _require_strips_apart(options)
+    with written_whole(options.out) as draft, _Steps(options) as steps:
+        steps("reading")
+        flight = read_flight(
+            options.strips, options.trajectory, options.mounting, accuracy=options.accuracy,
+            crs=options.crs, ring_dimension=options.ring_dimension,
+        )  # fmt: skip
+        if options.write_strips:
+            require_writable(flight, options.out)
+        own = calibrate_flight(flight, options.scenario, options.planes, steps, parameters)
+        steps("report")
+        calibration_file.write(own, draft / calibration_file.NAME, notes=list(flight.notes))
+        page = pages.calibration_page(own, pictures(own), _files(options), flight.notes)
+        (draft / pages.NAME).write_text(page, encoding="utf-8", newline="\n")
+        if options.write_strips:
+            steps("adjusted strips")
+            write_strips(flight, own.result.calibrated, draft)
+    say = _say(options)
+    say(f"{options.out}: {calibration_file.NAME}, {pages.NAME}")
+    say("\n".join([*flight.notes, own.summary()]))
+    return 0
+
+
+def _require_strips_apart(options: argparse.Namespace) -> None:
+    """Before hours of work: files that would be lost, or take each other's names."""
+    names = [path.name for path in options.strips]
+    for path in options.strips:
+        if names.count(path.name) > 1:
+            raise BadInput(f"{path}: given twice, or two files have this name; rename one of them")
+        target = options.out / path.name
+        if options.write_strips and target.exists() and target.samefile(path):
+            raise BadInput(
+                f"{path}: --write-strips would overwrite it; choose another folder than "
+                f"{options.out}"
+            )
+
+
+def _files(options: argparse.Namespace) -> dict[str, str]:
+    """Names of what was given, for the report."""
+    given = {
+        "Strips": ", ".join(path.name for path in options.strips),
+        "Trajectory": options.trajectory and options.trajectory.name,
+        "Accuracy": options.accuracy and options.accuracy.name,
+        "Mounting": options.mounting.name,
+    }
+    return {what: name for what, name in given.items() if name}
+
+
+def _apply_options(commands) -> None:
+    command = _command(
+        commands, _apply, "write strips anew (LAS, LAZ) under the result of a calibration",
+        f"{_EXAMPLE} --calibration calibrated/calibration.json --out adjusted",
+        "flight.read flight.write",
+    )  # fmt: skip
+    _strips(command)
+    words = "calibration.json"
+    command.option("--calibration", words, type=Path, required=True, metavar="FILE")
+
+
+def _apply(options: argparse.Namespace) -> int:
+    from paperrepro.flight.write import apply_calibration
+
+    written = apply_calibration(
+        options.strips, options.trajectory, options.mounting, options.calibration, options.out,
+        crs=options.crs, ring_dimension=options.ring_dimension,
+    )  # fmt: skip
+    say = _say(options)
+    for note in written.notes:
+        say(f"note: {note}")
+    say(f"{options.out}: {len(written.strips)} strips, {written.points} points")
+    return 0
+
+
+def _sweep_options(commands) -> None:
+    command = _command(
+        commands, _sweep,
+        "execute a notebook over a grid of parameters (needs a clone, or --notebook)",
+        "--grid noise_scale=0,1,2 --seeds 20 --out sweeps/noise",
+        "study.workers study.simulated paper.reproduce figures.study",
+    )  # fmt: skip
+    words = "values of a parameter, such as noise_scale=0,1,2; may be given for several"
+    more = {"action": "append", "metavar": "NAME=VALUE,VALUE"}
+    command.add_argument("--grid", default=[], help=words, **more)
+    command.option("--seeds", "seeds 1 to so many; else 20", type=int)
+    command.option("--out", "folder; started again, goes on", type=Path, required=True)
+    command.option("--notebook", "what is executed; else one survey, measured", type=Path)
+    _workers(command)
+
+
+def _sweep(options: argparse.Namespace) -> int:
+    from paperrepro.paper.reproduce import NOTEBOOKS
+    from paperrepro.study.workers import run_sweep
+
+    say = _say(options)
+    finished = run_sweep(
+        options.notebook or NOTEBOOKS / "08_noise_sweep_run.ipynb", options.grid, options.out,
+        seeds=options.seeds, workers=options.workers, scheduler=options.scheduler,
+        wait_s=options.wait, retry_failed=options.retry_failed, progress=say,
+    )  # fmt: skip
+    _print_failures(finished, f"see {options.out / 'failed.csv'}")
+    say(
+        f"{options.out / 'sweep.csv'}: {finished.done} of {len(finished.points)} runs, "
+        f"{len(finished.rows)} rows"
+    )
+    if finished.done and not finished.stopped:
+        _draw(finished.rows, options.out, say)
+    return _stopped(finished) or int(finished.done < len(finished.points))
+
+
+def _print_failures(finished, more: str) -> None:
+    failed = finished.failed | finished.lost
+    for point in list(failed)[:_LISTED]:
+        print(f"failed: {point}: {failed[point]}", file=sys.stderr)
+    if len(failed) > _LISTED:
+        print(f"and {len(failed) - _LISTED} more, {more}", file=sys.stderr)
+
+
+def _stopped(finished) -> int:
+    """Exit code of a study or sweep that ended early, 0 of others."""
+    if not finished.stopped:
+        return 0
+    words = f"stopped ({finished.stopped}); the same command goes on where it stopped"
+    print(f"paperrepro: {words}", file=sys.stderr)
+    return 130 if finished.stopped == "interrupted" else 1
+
+
+def _draw(rows, folder: Path, say: Callable[[str], None]) -> None:
+    from paperrepro import figures
+    from paperrepro.figures import study as draw
+
+    figures.use_style()
+    for name, figure, data in draw.pictures(rows):
+        figures.save(figure, folder, name, data)
+        say(f"{folder / name}.png")
+
+
+def _study_options(commands) -> None:
+    command = _command(
+        commands, _study, "measure many simulated surveys: what the ledger of claims reads",
+        "--seeds 20 --noise-scale 0.5,1,2 --out study.csv", "study.workers study.simulated",
+    )  # fmt: skip
+    command.option("--seeds", "surveys a setting", 20)
+    words = "surveys of the first preset of which boresight and sigma are measured; else --seeds"
+    command.option("--coverage-seeds", words, 0, metavar="N")
+    words = "factors on the GNSS/INS error"
+    command.option("--noise-scale", words, (0.5, 1.0, 2.0), type=_numbers, metavar="0.5,1,2")
+    command.option("--preset", "true boresights", PRESETS, type=_names, metavar="mount,table4")
+    words = "kinds of errors, such as specified,smoother,clock"
+    command.option("--errors", words, ("specified",), type=_names, metavar="specified,clock")
+    command.option("--profile", "one pulse in 16, or all", "quick", choices=PROFILES)
+    command.option("--out", "where the rows go", STUDY, type=Path)
+    _workers(command)
+
+
+def _study(options: argparse.Namespace) -> int:
+    from paperrepro._files import require_folder
+    from paperrepro.study.rows import FAILED, write_csv
+    from paperrepro.study.simulated import planned
+    from paperrepro.study.workers import run_study
+
+    say = _say(options)
+    surveys = planned(
+        options.seeds, options.coverage_seeds, options.noise_scale, options.preset, options.profile,
+        options.errors,
+    )  # fmt: skip
+    require_folder(options.out.parent)
+    finished = run_study(
+        surveys, workers=options.workers, scheduler=options.scheduler, wait_s=options.wait,
+        retry_failed=options.retry_failed, progress=say,
+    )  # fmt: skip
+    _print_failures(finished, f"see the rows of metric {FAILED}")
+    if finished.lost or finished.stopped:
+        print(f"paperrepro: {options.out}: not written, surveys are missing", file=sys.stderr)
+        return _stopped(finished) or 1
+    rows = finished.rows
+    for column in ("value", "sigma"):
+        rows[column] = [float(f"{number:.{STUDY_DIGITS}g}") for number in rows[column]]
+    write_csv(rows, options.out.parent, options.out.stem)
+    failures = (rows.metric == FAILED).sum()
+    say(f"{options.out}: {len(surveys)} surveys, {len(rows)} rows, {failures} failures")
+    return 0
+
+
+_COMMANDS = (
+    _reproduce_options, _simulate_options, _calibrate_options, _apply_options, _sweep_options,
+    _study_options,
+)  # fmt: skip

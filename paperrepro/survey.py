@@ -83,6 +83,11 @@ class Trajectory:
         over_threads(_hermite, len(time), self.time, pose, rate, time, out)
         return out
 
+    def rate(self, time: np.ndarray) -> np.ndarray:
+        """(N, 6) m/s and rad/s: how fast the pose changes at ``time`` (N,)."""
+        _, rate = self._nodes()
+        return np.column_stack([np.interp(time, self.time, column) for column in rate.T])
+
     def _nodes(self) -> tuple[np.ndarray, np.ndarray]:
         pose = np.column_stack([self.position, np.unwrap(self.attitude, axis=0)])
         return pose, np.gradient(pose, self.time, axis=0)

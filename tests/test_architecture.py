@@ -131,7 +131,7 @@ def test_an_import_of_the_simulator_is_seen_in_every_form(line):
 
 def test_a_relative_import_is_resolved():
     assert imports("from . import survey", "paperrepro.frames") == {"paperrepro.survey"}
-    assert imports("from ..survey import Rays", "paperrepro.method.adjustment.conditions") == {
+    assert imports("from ..survey import Rays", "paperrepro.method.georeference") == {
         "paperrepro.survey"
     }
     inner = imports("from .scene import Scene", "data_synth", is_package=True)

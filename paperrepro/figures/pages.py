@@ -288,9 +288,9 @@ def calibration_page(
         own=own, result=result, seen=result.observability, scenario_words=SCENARIOS,
         reasons=str(result.observability).split("; ")[2:], strips=len(own.survey.strips),
         scanner=scanner.name, navigation=own.survey.navigation.name, pictures=pictures,
-        files=files, notes=[*notes, *own.remarks], angles=_angles(own), offsets=_offsets(own),
-        pairs=_pairs(own), planes=_planes(own), rejected=_rejected(own), noise=_noise(own),
-        weak=_reliability(own), cm=CM, ratio=median_ratio(own.distances),
+        files=files, notes=[*notes, *own.remarks, *own.contradictions], angles=_angles(own),
+        offsets=_offsets(own), pairs=_pairs(own), planes=_planes(own), rejected=_rejected(own),
+        noise=_noise(own), weak=_reliability(own), cm=CM, ratio=median_ratio(own.distances),
         passes=np.degrees(own.boresights),
     )  # fmt: skip
 
@@ -413,13 +413,23 @@ def _noise(own: OwnFlight) -> Table | None:
     if factors is None:
         return None
     navigation, scanner = own.survey.navigation, own.survey.scanner
-    position = ", ".join(number(CM * sigma, 1) for sigma in navigation.position_sigma)
-    attitude = ", ".join(number(np.degrees(sigma), 3) for sigma in navigation.attitude_sigma)
-    told = {
-        "range": ("laser range", f"{number(CM * scanner.range_sigma, 1)} cm"),
-        "position": ("position east, north, up", f"{position} cm"),
-        "attitude": ("attitude roll, pitch, heading", f"{attitude}°"),
-        "correlation_time": ("correlation time", f"{navigation.correlation_time:.0f} s"),
-    }
-    lines = [(*words, number(factors[name], 2)) for name, words in told.items()]
-    return Table(["σ of", "specified", "factor found"], lines, ["word", "word", "number"])
+    tau = navigation.correlation_time
+    east, north, up = (number(CM * sigma, 1) for sigma in navigation.position_sigma)
+    roll, pitch, heading = (number(np.degrees(sigma), 3) for sigma in navigation.attitude_sigma)
+    specified = {
+        "horizontal": f"{east}, {north} cm", "height": f"{up} cm",
+        "roll_pitch": f"{roll}, {pitch}°", "heading": f"{heading}°",
+    }  # fmt: skip
+    laser = f"{number(CM * scanner.range_sigma, 1)} cm"
+    lines = [("laser range", laser, number(factors["range"], 2), "", "")]
+    lines += [
+        (
+            name.replace("_", ", "), words, number(factors[name], 2),
+            number(tau * factors[f"{name}_time"], 0), number(factors[f"{name}_fast"], 2),
+        )
+        for name, words in specified.items()
+    ]  # fmt: skip
+    for name, key in (("surface of a view", "surface_m"), ("roughness", "roughness_m")):
+        lines.append((name, "", f"{number(CM * factors[key], 2)} cm", "", ""))
+    heads = ["σ of", "specified", "factor found", "lasting (s)", "share of a second's errors"]
+    return Table(heads, lines, ["word", "word", "number", "number", "number"])

@@ -14,11 +14,12 @@ from paperrepro.errors import BadInput, NoConvergence, RankDefect, TooFewPlanes
 from paperrepro.flight.agreement import implausible, require_agreement
 from paperrepro.flight.read import Flight
 from paperrepro.method.accuracy import PairDistances, overlaps, pair_distances
-from paperrepro.method.adjustment import trajectory_errors
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES, calibrate
-from paperrepro.method.adjustment.conditions import Unknowns, face_states
+from paperrepro.method.adjustment.model_checks import Check, model_checks
+from paperrepro.method.adjustment.observability import AXIS_WORDS
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.screening import screen
+from paperrepro.method.adjustment.trajectory_errors import few_planes, find_noise
 from paperrepro.method.coarse_to_fine import (
     Candidates,
     Progress,
@@ -27,7 +28,7 @@ from paperrepro.method.coarse_to_fine import (
     sample_rays,
     silent,
 )
-from paperrepro.method.patches import choose
+from paperrepro.method.parameters import Parameters
 from paperrepro.method.tie_planes import Rejection, TiePlanes
 from paperrepro.survey import Survey
 
@@ -38,8 +39,6 @@ ENOUGH_GABLES = 12
 #: Strips from which on the noise of the trajectory is told from the boresight: in two lines half of
 #: the boresight and an error of either look alike.
 ENOUGH_STRIPS = 4
-#: Planes, points a face and seconds between nodes from which noise is estimated.
-NOISE_PLANES, NOISE_POINTS, NOISE_SPACING = 30, 150, 0.5
 
 
 @dataclass(frozen=True)
@@ -64,6 +63,8 @@ class OwnFlight:
         Between the strips of each pair, before and after.
     remarks : tuple of str
         A sentence each.
+    checks : tuple of Check
+        Of the model under which sigma hold.
     """
 
     survey: Survey
@@ -74,10 +75,18 @@ class OwnFlight:
     boresights: np.ndarray
     distances: tuple[PairDistances, ...]
     remarks: tuple[str, ...]
+    checks: tuple[Check, ...] = ()
 
     def summary(self) -> str:
-        """Lines for a terminal: remarks, the angles with their sigma, the fit, what is weak."""
-        return "\n".join([*self.remarks, self.result.summary()])
+        """Lines for a terminal: remarks, the angles with their sigma, the fit, what is weak, and
+        where the data contradict the model."""
+        checks = [f"  check: {sentence}" for sentence in self.contradictions]
+        return "\n".join([*self.remarks, self.result.summary(), *checks])
+
+    @property
+    def contradictions(self) -> list[str]:
+        """Sentences of the checks that did not pass."""
+        return [check.sentence for check in self.checks if not check.passed]
 
     def __repr__(self) -> str:
         strips = ", ".join(strip.name for strip in self.survey.strips)
@@ -92,6 +101,7 @@ def calibrate_flight(
     scenario: str = "D",
     planes: str = "auto",
     progress: Progress = silent,
+    parameters: Parameters | None = None,
 ) -> OwnFlight:
     """Calibrate a flight, from its own mounting as start.
 
@@ -105,6 +115,8 @@ def calibrate_flight(
         ``gables``, ``any``, or ``auto``: gables where there are enough.
     progress : callable
         Given a sentence for each step.
+    parameters : Parameters, optional
+        Table 2, for gable roofs.
 
     Returns
     -------
@@ -124,22 +136,38 @@ def calibrate_flight(
     survey = flight.survey if isinstance(flight, Flight) else flight
     points = sample_rays(survey)
     pairs = _require_overlap(survey, points.rays)
-    kind, found, remarks = _find(survey, points, planes, progress)
+    kind, found, remarks = _find(survey, points, planes, progress, parameters)
     require_agreement(survey, found.tie_planes, getattr(flight, "trajectory", "trajectory"))
     progress(f"scenario {scenario}: {found.tie_planes.n_planes} planes")
     result, tie_planes = _adjust(survey, found.tie_planes, scenario, found.boresights[-1])
-    if scenario == "D" and result.components is None:
+    if scenario == "D" and len(set(tie_planes.strips)) < ENOUGH_STRIPS:
         remarks.append(
-            f"Noise was taken as specified: {len(set(tie_planes.strips))} strips do not show it, "
-            f"{ENOUGH_STRIPS} would. Sigma holds as far as the specification does."
+            f"The trajectory's noise was taken as specified, to a factor of three: "
+            f"{len(set(tie_planes.strips))} strips do not show it, {ENOUGH_STRIPS} would."
         )
-    remarks += implausible(result)
+    remarks += [*_constants(result), *implausible(result)]
+    checks = model_checks(result, survey, tie_planes, found.boresights[-1])
     progress(f"distances of {len(pairs)} pairs of strips")
     distances = pair_distances(points.rays, pairs, survey.mounting, result.calibrated)
     rejected = (*found.rejected, *result.rejected)
     return OwnFlight(
-        survey, kind, result, tie_planes, rejected, found.boresights, distances, tuple(remarks)
-    )
+        survey, kind, result, tie_planes, rejected, found.boresights, distances, tuple(remarks),
+        checks,
+    )  # fmt: skip
+
+
+def _constants(result: CalibrationResult) -> list[str]:
+    """What of sigma is an attitude that may be off all the time, in words."""
+    if result.trajectory is None:
+        return []
+    sigma = np.degrees(result.trajectory.constant_sigma[3:])
+    words = [f"{axis} {s:.3f}°" for axis, s in zip(AXIS_WORDS, sigma, strict=True) if s > 0]
+    if not words:
+        return []
+    return [
+        f"Sigma hold a constant error of attitude ({', '.join(words)}), which no data tell from "
+        "the boresight: the specification allows it, the flight does not show it."
+    ]
 
 
 def _require_word(what: str, word: str, words) -> None:
@@ -163,12 +191,16 @@ def _require_overlap(survey: Survey, samples):
     return pairs
 
 
-def _find(survey: Survey, points: Candidates, planes: str, progress: Progress):
+def _find(
+    survey: Survey, points: Candidates, planes: str, progress: Progress,
+    parameters: Parameters | None,
+):  # fmt: skip
     """Which planes, what was found, and what is to be said of the choice."""
     if planes == "any":
         return "any", find_planes(survey, points, progress=progress), []
     try:
-        found = find_roofs(survey, progress=progress)
+        search = (parameters or Parameters()).search
+        found = find_roofs(survey, search=search, progress=progress)
     except (TooFewPlanes, RankDefect, NoConvergence) as error:
         if planes == "gables":
             raise
@@ -187,41 +219,12 @@ def _adjust(
 ) -> tuple[CalibrationResult, TiePlanes]:
     """``scenario`` on ``tie_planes`` from ``near`` (3,) rad, and the faces that it kept; D under
     the noise in the data. What it says of before is under the survey's own mounting."""
-    factors, start = None, replace(survey, mounting=survey.mounting.with_calibration(near))
-    if scenario == "D" and len(set(tie_planes.strips)) >= ENOUGH_STRIPS:
-        factors = trajectory_errors.calibrate_with_trajectory(
-            start, _few(start, tie_planes), components=True, spacing=NOISE_SPACING, near=near
-        ).components
-        start = _with_noise(start, factors)
-    result = calibrate(start, tie_planes, scenario)
+    found, start = None, replace(survey, mounting=survey.mounting.with_calibration(near))
+    if scenario == "D":
+        enough = len(set(tie_planes.strips)) >= ENOUGH_STRIPS
+        found = find_noise(start, few_planes(tie_planes, start.mounting), near, enough)
+    result = calibrate(start, tie_planes, scenario, found=found)
     kept = tie_planes.subset(screen(start, tie_planes).kept) if result.rejected else tie_planes
-    unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, "none")
-    before = face_states(kept.rays, kept.plane_ranges, unknowns, unknowns.start()).rms
-    changed = {"mounting": survey.mounting, "rms_before": before, "components": factors}
+    before = kept.plane_states(survey.mounting).rms
+    changed = {"mounting": survey.mounting, "rms_before": before}
     return replace(result, **changed), kept
-
-
-def _few(survey: Survey, tie_planes: TiePlanes) -> TiePlanes:
-    """At most `NOISE_PLANES` planes that face many ways, and few points of each."""
-    unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, "none")
-    states = face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, unknowns.start())
-    views = np.bincount(tie_planes.plane)
-    planes = choose(states.plane[:, :3], states.centroid, views, NOISE_PLANES)
-    return tie_planes.subset(np.isin(tie_planes.plane, planes)).thinned(NOISE_POINTS)
-
-
-def _with_noise(survey: Survey, factors: dict[str, float]) -> Survey:
-    """``survey`` with its specifications times what the data say of them."""
-    given, scanner = survey.navigation, survey.scanner
-    navigation = replace(
-        given,
-        position_sigma=given.position_sigma * factors["position"],
-        attitude_sigma=given.attitude_sigma * factors["attitude"],
-        correlation_time=given.correlation_time * factors["correlation_time"],
-    )
-    scanner = replace(
-        scanner,
-        range_sigma=scanner.range_sigma * factors["range"],
-        angle_sigma=scanner.angle_sigma * factors["range"],
-    )
-    return replace(survey, navigation=navigation, scanner=scanner)

@@ -14,6 +14,7 @@ from paperrepro.errors import BadInput
 from paperrepro.flight.calibrate import OwnFlight
 from paperrepro.frames import ANGLES, AXIS_WORDS
 from paperrepro.method.accuracy import PairDistances, rmse
+from paperrepro.method.adjustment.model_checks import Check
 from paperrepro.method.adjustment.observability import Observability
 from paperrepro.method.adjustment.quality import Reliability
 from paperrepro.survey import Mounting, Scanner
@@ -68,6 +69,8 @@ def document(own: OwnFlight) -> dict:
         "noise_factors": result.components,
         "strip_pairs": [_pair(pair) for pair in own.distances],
         "rejected": [_rejected(face) for face in own.rejected],
+        "clock": None if result.clock is None else vars(result.clock).copy(),
+        "checks": [_check(check) for check in own.checks],
         "remarks": list(own.remarks),
     }
 
@@ -131,6 +134,13 @@ def _rejected(face) -> dict:
         "misfit_m": face.misfit_m,
         "limit_m": face.limit_m,
     }
+
+
+def _check(check: Check) -> dict:
+    limits = {"low": check.low, "high": None if np.isinf(check.high) else check.high}
+    sentence = None if check.passed else check.sentence
+    passed = {"passed": check.passed, "sentence": sentence}
+    return {"name": check.name, "value": check.value} | limits | passed
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from paperrepro import modules_of
 from paperrepro.method.adjustment.calibrate import PAPER_SCENARIOS, calibrate
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.scenarios import refine
@@ -118,3 +119,6 @@ def refine_all(
         )
         for name, result in results.items()
     }
+
+
+__getattr__ = modules_of(__name__)

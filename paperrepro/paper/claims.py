@@ -6,17 +6,14 @@ value that it prints), how it is judged, and what it says in our words.
 """
 
 import itertools
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
-from paperrepro._files import written_whole
-from paperrepro.errors import BadInput
 from paperrepro.paper import judges
 from paperrepro.paper import published as paper
 from paperrepro.paper.judges import (
@@ -33,13 +30,12 @@ from paperrepro.paper.judges import (
     standardised,
     within,
 )
-from paperrepro.paper.numbers import SYMBOLS, shown, span
+from paperrepro.paper.numbers import SYMBOLS, shown
 from paperrepro.paper.published import ORDERING, PATTERN
 from paperrepro.paper.verdicts import (
     COLUMNS,
     OURS,
     STATEMENT,
-    VERDICTS,
     Claim,
     Finding,
     Judge,
@@ -50,7 +46,7 @@ from paperrepro.paper.verdicts import (
     printed,
 )
 from paperrepro.study.rows import ANGLES, REFINED, mistaken_name
-from paperrepro.study.statistics import CONFIDENCE, Evidence, Interval, Surveys
+from paperrepro.study.statistics import CONFIDENCE, Evidence, Surveys
 
 #: The scenarios that the paper proposes, and its [11] with them; how the paper calls them.
 PROPOSED = ("A", "B", "C")
@@ -423,48 +419,3 @@ def _line(claim: Claim, evidence: Evidence) -> dict:
         "paper": value.value if value else np.nan, **asdict(finding),
         "unit": finding.unit or (value.unit if value else ""),
     }  # fmt: skip
-
-
-def markdown_summary(ledger: pd.DataFrame, ids: Collection[str] = HEADLINES) -> str:
-    """The claims ``ids`` of a `ledger`, by default the most telling, as a Markdown table, under a
-    line that counts the verdicts of all."""
-    counts = ledger.verdict.value_counts()
-    counted = ", ".join(f"{counts[name]} {name}" for name in VERDICTS if name in counts)
-    lines = [f"{len(ledger)} claims: {counted}.", ""]
-    lines += ["| claim | place | verdict | measured |", "|---|---|---|---|"]
-    lines += [
-        f"| {line.claim} | {line.place} | {line.verdict} | {_measured(line)} |"
-        for line in ledger[ledger.id.isin(ids)].itertuples()
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _measured(line) -> str:
-    """A line's measured value with unit and interval, empty where nothing was measured."""
-    if not np.isfinite(line.measured):
-        return ""
-    if not np.isfinite(line.low):
-        return shown(line.measured, line.unit)
-    return span(Interval(line.measured, line.low, line.high), line.unit)
-
-
-def update_between_markers(path: str | Path, name: str, text: str) -> bool:
-    """Put ``text`` between ``<!-- name:begin -->`` and ``<!-- name:end -->`` of a file.
-
-    Returns whether that changed it. Raises `BadInput` where the markers are not there once and in
-    order.
-    """
-    path = Path(path)
-    before = path.read_text(encoding="utf-8")
-    begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
-    if before.count(begin) != 1 or before.count(end) != 1 or before.find(end) < before.find(begin):
-        raise BadInput(
-            f"{path}: expected {begin} and after it {end}, each once; put them where the text goes"
-        )
-    head, rest = before.split(begin)
-    after = f"{head}{begin}\n{text.rstrip()}\n{end}{rest.split(end)[1]}"
-    if after == before:
-        return False
-    with written_whole(path.parent) as draft:
-        (draft / path.name).write_text(after, encoding="utf-8")
-    return True

@@ -1,18 +1,21 @@
-"""Tidy rows, and the tables made from them.
+"""Tables for readers: Tables 2 and 4 beside the paper's, and the ledger in short for a text."""
 
-A row says one number: ``artefact, scenario, preset, profile, noise_scale, seed, metric, unit,
-value, sigma``. Tables, figures and texts read rows.
-"""
-
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from paperrepro._files import write_text
+from paperrepro.errors import BadInput
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.roofs import RoofParameters
+from paperrepro.paper.claims import HEADLINES
+from paperrepro.paper.numbers import shown, span
 from paperrepro.paper.published import TABLE2, TABLE4
+from paperrepro.paper.verdicts import VERDICTS
 from paperrepro.study.rows import ANGLES, SurveyKey
+from paperrepro.study.statistics import Interval
 
 
 def calibration_rows(
@@ -98,3 +101,47 @@ def _field(params: RoofParameters, name: str) -> float:
     for part in name.split("."):
         value = value[int(part)] if part.isdigit() else getattr(value, part)
     return value
+
+
+def markdown_summary(ledger: pd.DataFrame, ids: Collection[str] = HEADLINES) -> str:
+    """The claims ``ids`` of a `ledger`, by default the most telling, as a Markdown table, under a
+    line that counts the verdicts of all."""
+    counts = ledger.verdict.value_counts()
+    counted = ", ".join(f"{counts[name]} {name}" for name in VERDICTS if name in counts)
+    lines = [f"{len(ledger)} claims: {counted}.", ""]
+    lines += ["| claim | place | verdict | measured |", "|---|---|---|---|"]
+    lines += [
+        f"| {line.claim} | {line.place} | {line.verdict} | {_measured(line)} |"
+        for line in ledger[ledger.id.isin(ids)].itertuples()
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _measured(line) -> str:
+    """A line's measured value with unit and interval, empty where nothing was measured."""
+    if not np.isfinite(line.measured):
+        return ""
+    if not np.isfinite(line.low):
+        return shown(line.measured, line.unit)
+    return span(Interval(line.measured, line.low, line.high), line.unit)
+
+
+def update_between_markers(path: str | Path, name: str, text: str) -> bool:
+    """Put ``text`` between ``<!-- name:begin -->`` and ``<!-- name:end -->`` of a file.
+
+    Returns whether that changed it. Raises `BadInput` where the markers are not there once and in
+    order.
+    """
+    path = Path(path)
+    before = path.read_text(encoding="utf-8")
+    begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
+    if before.count(begin) != 1 or before.count(end) != 1 or before.find(end) < before.find(begin):
+        raise BadInput(
+            f"{path}: expected {begin} and after it {end}, each once; put them where the text goes"
+        )
+    head, rest = before.split(begin)
+    after = f"{head}{begin}\n{text.rstrip()}\n{end}{rest.split(end)[1]}"
+    if after == before:
+        return False
+    write_text(path, after)
+    return True

@@ -1,13 +1,14 @@
-"""Which runs a sweep has: a grid over parameters that the notebook declares.
+"""The points of a study or sweep, and the version of all that their rows depend on.
 
-What the rows of a run depend on beside its parameters: rows of two versions never mix.
+Rows of two versions never mix: a point's name is another one when a parameter, the notebook, the
+code or a package is.
 """
 
 import itertools
 import math
 import platform
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,29 +20,37 @@ from paperrepro.errors import BadInput
 from paperrepro.study.environment import package_versions
 from paperrepro.study.notebooks import OUTPUT, Parameter
 
+SEED = "seed"
+_TRUTH = {"true": True, "false": False}
+_LONGEST_NAME = 80
+
 
 @dataclass(frozen=True)
 class Fingerprint:
-    """Hashes of the notebook's code and of our modules that it uses; versions of Python and of the
-    packages that the project asks for."""
+    """Hashes of the sources that are executed and of our modules that these use; versions of Python
+    and of the packages that the project asks for."""
 
     notebook: str
     code: str
     packages: tuple[tuple[str, str], ...]
 
     @classmethod
-    def of(cls, notebook: str) -> "Fingerprint":
-        """Of the text of a notebook, where this process runs; what is on disk is read anew."""
-        cells = nbformat.reads(notebook, as_version=4).cells
-        sources = [cell.source for cell in cells if cell.cell_type == "code"]
+    def of(cls, *sources: str) -> "Fingerprint":
+        """Of pieces of Python, where this process runs; what is on disk is read anew."""
         plain = re.sub(r"^\s*[%!].*$", "", "\n".join(sources), flags=re.MULTILINE)
         versions = {"Python": platform.python_version(), **package_versions()}
-        return cls(joblib.hash(sources), code_version_of(plain), tuple(versions.items()))
+        return cls(joblib.hash(list(sources)), code_version_of(plain), tuple(versions.items()))
+
+    @classmethod
+    def of_notebook(cls, text: str) -> "Fingerprint":
+        """Of the cells of code of a notebook."""
+        cells = nbformat.reads(text, as_version=4).cells
+        return cls.of(*(cell.source for cell in cells if cell.cell_type == "code"))
 
     def __str__(self) -> str:
         return joblib.hash((self.notebook, self.code, self.packages))
 
-    def told(self) -> dict:
+    def as_json(self) -> dict:
         """For the files that a sweep leaves."""
         return {"fingerprint": str(self), "packages": dict(self.packages)}
 
@@ -59,18 +68,25 @@ class Fingerprint:
         return ", ".join(words)
 
 
-SEED = "seed"
-_TRUTH = {"true": True, "false": False}
-_LONGEST_NAME = 80
-
-
 @dataclass(frozen=True, eq=False)
 class Point:
-    """One run: all ``parameters`` of the notebook, and the ``name`` of its files, which is another
-    one when a parameter, the notebook or the code is."""
+    """One run: all its ``parameters``, and the ``name`` of its files."""
 
     name: str
     parameters: Mapping[str, Any]
+
+    @classmethod
+    def of(
+        cls, parameters: Mapping[str, Any], fingerprint: Fingerprint, shown: Sequence[str]
+    ) -> "Point":
+        """Its name begins with the parameters ``shown``, and ends with a hash of all there is."""
+        words = "_".join(f"{name}-{parameters[name]}" for name in shown)
+        readable = re.sub(r"[^\w.-]+", "-", words)[:_LONGEST_NAME]
+        key = joblib.hash((str(fingerprint), sorted(parameters.items())))
+        return cls(f"{readable}_{key[:12]}".lstrip("_"), parameters)
+
+    def __str__(self) -> str:
+        return " ".join(f"{name}={value}" for name, value in self.parameters.items())
 
 
 def read_grid(
@@ -87,8 +103,8 @@ def read_grid(
             raise BadInput(f"--grid: {name} is given twice; give all its values at once")
         if name not in known or name == OUTPUT:
             raise _refused(f"--grid {text}: there is no parameter {name!r} to vary", known)
-        kind = known[name].kind
-        grid[name] = list(dict.fromkeys(_value(text, part, kind, known) for part in _split(values)))
+        parts = [part.strip() for part in values.split(",")]
+        grid[name] = list(dict.fromkeys(_value(text, part, name, known) for part in parts))
     return {**grid, **_seeds(seeds, grid, known)}
 
 
@@ -104,11 +120,8 @@ def _seeds(seeds: int | None, grid: Mapping, known: Mapping[str, Parameter]) -> 
     return {SEED: list(range(1, seeds + 1))}
 
 
-def _split(values: str) -> list[str]:
-    return [part.strip() for part in values.split(",")]
-
-
-def _value(text: str, part: str, kind: type, known: Mapping[str, Parameter]) -> Any:
+def _value(text: str, part: str, name: str, known: Mapping[str, Parameter]) -> Any:
+    kind = known[name].kind
     try:
         value = _TRUTH[part.lower()] if kind is bool else kind(part)
         if part == "" or (kind is float and not math.isfinite(value)):
@@ -128,21 +141,10 @@ def points(
 ) -> list[Point]:
     """Every run of ``grid``; the seed changes last, so a part of a sweep has all its settings."""
     defaults = {name: about.default for name, about in known.items() if name != OUTPUT}
-    return [_point({**defaults, **chosen}, known, fingerprint) for chosen in _combined(grid)]
-
-
-def _combined(grid: Mapping[str, Sequence]) -> Iterator[dict]:
     names = sorted(grid, key=lambda name: name != SEED)
+    runs = []
     for values in itertools.product(*(grid[name] for name in names)):
-        yield dict(zip(names, values, strict=True))
-
-
-def _point(parameters: dict, known: Mapping[str, Parameter], fingerprint: Fingerprint) -> Point:
-    told = "_".join(
-        f"{name}-{value}"
-        for name, value in parameters.items()
-        if name == SEED or value != known[name].default
-    )
-    readable = re.sub(r"[^\w.-]+", "-", told)[:_LONGEST_NAME]
-    key = joblib.hash((str(fingerprint), sorted(parameters.items())))
-    return Point(f"{readable}_{key[:12]}".lstrip("_"), parameters)
+        chosen = {**defaults, **dict(zip(names, values, strict=True))}
+        shown = [name for name in chosen if name == SEED or chosen[name] != defaults[name]]
+        runs.append(Point.of(chosen, fingerprint, shown))
+    return runs

@@ -9,9 +9,11 @@ import atexit
 import os
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
+import psutil
 from jupyter_core.utils import ensure_event_loop, run_sync
 from nbformat import NotebookNode
 
@@ -19,6 +21,7 @@ from paperrepro.study.environment import KEEP_MEMORY, ONE_THREAD
 from paperrepro.study.notebooks import LocalKernelManager, execute
 
 _START_S = 120
+_LOOK_S = 0.25  # between two looks at a kernel's memory
 _of_thread = threading.local()
 _running: "set[Kernel]" = set()
 _loops: set[asyncio.AbstractEventLoop] = set()
@@ -45,21 +48,43 @@ class Kernel:
 
     def __init__(self, sweep: str):
         self.sweep = sweep
+        self.ended_for = ""
         self._manager = _Manager(kernel_name="python3")
         _loops.add(ensure_event_loop())
         run_sync(self._manager.start_kernel)(env={**os.environ, **ONE_THREAD, **KEEP_MEMORY})
         _running.add(self)
 
-    def execute(self, notebook: NotebookNode, target: Path, parameters: Mapping) -> None:
-        """As `paperrepro.study.notebooks.execute`; ends the kernel where that fails."""
+    def execute(
+        self, notebook: NotebookNode, target: Path, parameters: Mapping, most: int | None = None
+    ) -> None:
+        """As `paperrepro.study.notebooks.execute`; ends the kernel where that fails, or takes more
+        than ``most`` bytes, which `ended_for` then says."""
         try:
-            execute(notebook, target, parameters, km=self._manager, start_timeout=_START_S)
-            run_sync(self._forget)()
+            with self._bounded(most):
+                execute(notebook, target, parameters, km=self._manager, start_timeout=_START_S)
+                run_sync(self._forget)()
         except BaseException:
             self.stop()
             raise
         finally:
             self._manager.close_clients()
+
+    @contextmanager
+    def _bounded(self, most: int | None) -> Iterator[None]:
+        over = threading.Event()
+
+        def watch(kernel: psutil.Process) -> None:
+            while most and not over.wait(_LOOK_S) and kernel.is_running():
+                if kernel.memory_info().rss > most:
+                    self.ended_for = f"it took more than the {most / 2**30:.1f} GiB of its worker"
+                    self._manager.kill()
+
+        kernel = psutil.Process(self._manager.provisioner.process.pid)
+        threading.Thread(target=watch, args=[kernel], daemon=True).start()
+        try:
+            yield
+        finally:
+            over.set()
 
     async def _forget(self) -> None:
         client = self._manager.client()

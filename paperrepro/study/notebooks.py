@@ -25,6 +25,8 @@ from paperrepro.errors import BadInput, PaperReproError
 #: Parameter that names the folder of results; empty: nothing is written.
 OUTPUT = "figures_dir"
 _PLAIN = (int, float, str, bool)
+#: Characters of one output that are kept of a run among many.
+_LONGEST_OUTPUT = 20_000
 
 
 class NotebookFailed(PaperReproError):
@@ -117,6 +119,16 @@ def _parameter(
             f"got {default}; make it plain in the cell tagged parameters"
         ) from None
     return Parameter(name, kind, float(value) if kind is float else value)
+
+
+def shortened(book: NotebookNode) -> NotebookNode:
+    """``book`` with what it has printed cut to a length that a folder of thousands can bear."""
+    for cell in book.cells:
+        for output in cell.get("outputs", ()):
+            if len(text := output.get("text", "")) > _LONGEST_OUTPUT:
+                cut = f"\n[{len(text) - _LONGEST_OUTPUT} characters more]\n"
+                output["text"] = text[:_LONGEST_OUTPUT] + cut
+    return book
 
 
 def without_outputs(notebook: Path) -> str:

@@ -11,7 +11,7 @@ from paperrepro._files import whole_file
 
 #: What names a row, and what it says.
 COLUMNS = (
-    "artefact", "scenario", "preset", "profile", "noise_scale", "seed",
+    "artefact", "scenario", "preset", "profile", "noise_scale", "errors", "seed",
     "metric", "unit", "value", "sigma",
 )  # fmt: skip
 ANGLES = ("omega", "phi", "kappa")
@@ -23,8 +23,10 @@ FAILED = "failed"
 BOUND = "bound"
 #: Endings of scenarios' names: after the refinement; with one wrong match, as it is and screened.
 REFINED, WRONG, SCREENED = " refined", " wrong", " screened"
-#: Scenario D with the lever arm as an unknown.
-LEVER_ARM = "D lever arm"
+#: Scenario D with the lever arm as an unknown; and under the noise that it finds in the data.
+LEVER_ARM, FOUND = "D lever arm", "D noise found"
+#: Errors of a survey as the specifications say; others are named in `study.simulated.ERRORS`.
+SPECIFIED = "specified"
 
 
 def mistaken_name(factor: float) -> str:
@@ -34,12 +36,13 @@ def mistaken_name(factor: float) -> str:
 
 @dataclass(frozen=True)
 class SurveyKey:
-    """Which simulated survey a row speaks of."""
+    """Which simulated survey a row speaks of; ``errors``: of which kind they are."""
 
     preset: str
     profile: str
     noise_scale: float
     seed: int
+    errors: str = SPECIFIED
 
     def row(
         self, artefact: str, scenario: str, metric: str, unit: str, value: float,
@@ -83,9 +86,17 @@ def write_csv(table: pd.DataFrame, folder: str | Path, name: str) -> Path | None
 def read_study(*paths: str | Path) -> pd.DataFrame:
     """Rows of studies and sweeps that were written before; none where a path is no file. What
     several have of a survey is taken from the first."""
-    found = [pd.read_csv(path)[list(COLUMNS)] for path in paths if Path(path).is_file()]
+    found = [_read(path) for path in paths if Path(path).is_file()]
     if not found:
         return frame([])
     rows = pd.concat(found, ignore_index=True)
     rows = rows.astype({"noise_scale": float, "value": float, "sigma": float})
     return rows.drop_duplicates(list(COLUMNS[:-3]), ignore_index=True)
+
+
+def _read(path: str | Path) -> pd.DataFrame:
+    """Rows of a file; those written before errors had kinds are of the specified one."""
+    table = pd.read_csv(path)
+    if "errors" not in table:
+        table["errors"] = SPECIFIED
+    return table[list(COLUMNS)]

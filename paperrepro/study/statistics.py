@@ -13,7 +13,7 @@ from scipy import stats
 
 from paperrepro.method.accuracy import rmse
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES
-from paperrepro.study.rows import ANGLES, ARTEFACT, BOUND, COLUMNS, FAILED
+from paperrepro.study.rows import ANGLES, ARTEFACT, BOUND, COLUMNS, FAILED, SPECIFIED
 
 #: Fewer surveys of a setting than this support no verdict.
 LEAST_SEEDS = 20
@@ -110,10 +110,10 @@ class Surveys:
 
 
 class Evidence:
-    """The rows of a study by setting."""
+    """The rows of a study by setting, those of surveys with ``errors`` of one kind."""
 
-    def __init__(self, rows: pd.DataFrame):
-        rows = rows[rows.artefact == ARTEFACT]
+    def __init__(self, rows: pd.DataFrame, errors: str = SPECIFIED):
+        rows = rows[(rows.artefact == ARTEFACT) & (rows.errors == errors)]
         sigmas = rows.dropna(subset="sigma")
         sigmas = sigmas.assign(metric=SIGMA + sigmas.metric, value=sigmas.sigma)
         self._values = pd.concat([rows, sigmas]).pivot_table(
@@ -163,7 +163,9 @@ def binomial(hits: int, tries: int, confidence: float = CONFIDENCE) -> Interval:
 _SETTING = ["preset", "profile", "noise_scale"]
 
 
-def promises(rows: pd.DataFrame, scenarios: tuple[str, ...]) -> pd.DataFrame:
+def promises(
+    rows: pd.DataFrame, scenarios: tuple[str, ...], errors: str = SPECIFIED
+) -> pd.DataFrame:
     """A line for each setting, scenario and angle of the ``rows`` of a study.
 
     Columns: preset, profile, noise_scale, scenario, angle; ``surveys``; ``rms_deg`` of the error;
@@ -172,7 +174,7 @@ def promises(rows: pd.DataFrame, scenarios: tuple[str, ...]) -> pd.DataFrame:
     ``nees``, the mean squared error in the unit of the full covariance of all three angles, over
     their number.
     """
-    rows = rows[rows.artefact == ARTEFACT]
+    rows = rows[(rows.artefact == ARTEFACT) & (rows.errors == errors)]
     nees = _of_metric(rows, "nees").groupby([*_SETTING, "scenario"]).value.mean()
     lines = []
     for angle in ANGLES:

@@ -1,4 +1,4 @@
-"""The folder of a sweep: what is done, what failed, and all rows together.
+"""The folder of a sweep or study: what is done, what failed, and all rows together.
 
 A run is done when its row file is there; it and the executed notebook are written whole or not at
 all. A run that failed leaves a note instead, with the notebook as far as it ran.
@@ -6,13 +6,13 @@ all. A run that failed leaves a note instead, with the notebook as far as it ran
 
 import io
 import json
-import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
 from filelock import FileLock, Timeout
 
+from paperrepro._files import write_text
 from paperrepro.errors import BadInput
 from paperrepro.study.grid import Point
 from paperrepro.study.rows import ARTEFACT, COLUMNS, FAILED, SurveyKey, frame, write_csv
@@ -24,9 +24,9 @@ class Store:
     """Files of the runs below ``folder``, which is made; one process at a time has it."""
 
     def __init__(self, folder: Path):
-        self.folder = folder
-        self._runs = folder / RUNS
-        self._lock = FileLock(folder / ".lock")
+        self.folder = Path(folder)
+        self._runs = self.folder / RUNS
+        self._lock = FileLock(self.folder / ".lock")
 
     def __enter__(self) -> "Store":
         try:
@@ -34,10 +34,13 @@ class Store:
             self._lock.acquire(timeout=0)
         except Timeout:
             raise BadInput(
-                f"{self.folder}: another sweep is writing here; wait for it or choose another --out"
+                f"{self.folder}: another sweep or study is writing here; wait for it or choose "
+                "another --out"
             ) from None
         except OSError as error:
-            raise BadInput(f"{self.folder}: no folder to write to: {error.strerror}") from None
+            raise BadInput(
+                f"{self.folder}: cannot be written ({error.strerror}); choose another --out"
+            ) from None
         for part in self._runs.glob("*.part"):
             part.unlink()
         return self
@@ -56,27 +59,30 @@ class Store:
         return json.loads(note.read_text(encoding="utf-8"))["error"]
 
     def keep(self, point: Point, notebook: str, rows: str) -> None:
-        """Write a finished run; its rows come last, for they say that it is done.
+        """Write a finished run; its rows come last, for they say that it is done. An empty
+        ``notebook`` is none.
 
         Raises `BadInput` for ``rows`` that are not tidy.
         """
         table = _tidy(rows)
-        _write(self._path(point, "ipynb"), notebook)
+        if notebook:
+            write_text(self._path(point, "ipynb"), notebook)
         write_csv(table, self._runs, point.name)
         self._path(point, "failed.json").unlink(missing_ok=True)
 
     def keep_failure(self, point: Point, notebook: str, error: str) -> None:
         """Write down that and how a run has failed."""
-        _write(self._path(point, "ipynb"), notebook)
+        if notebook:
+            write_text(self._path(point, "ipynb"), notebook)
         note = {"error": error, "parameters": dict(point.parameters)}
-        _write(self._path(point, "failed.json"), json.dumps(note, indent=1) + "\n")
+        write_text(self._path(point, "failed.json"), json.dumps(note, indent=1) + "\n")
 
     def others(self, points: Iterable[Point]) -> int:
         """How many finished runs lie here that are none of ``points``: other parameters, notebook
         or versions."""
         return len({path.stem for path in self._runs.glob("*.csv")} - {p.name for p in points})
 
-    def collate(self, points: Sequence[Point], varied: Sequence[str]) -> pd.DataFrame:
+    def collate(self, points: Sequence[Point], varied: Sequence[str] = ()) -> pd.DataFrame:
         """Rows of all ``points`` in their order. A run that failed is a row of metric ``failed``;
         ``varied`` parameters that rows do not know become columns of their own."""
         extra = [name for name in varied if name not in COLUMNS]
@@ -85,18 +91,15 @@ class Store:
         empty = frame([]).reindex(columns=[*COLUMNS, *extra])
         return pd.concat(tables, ignore_index=True) if tables else empty
 
-    def write(self, points: Sequence[Point], varied: Sequence[str], about: dict) -> pd.DataFrame:
+    def write(self, rows: pd.DataFrame, failed: Mapping[Point, str], about: dict) -> None:
         """``sweep.csv``, ``failed.csv`` if there is a failure, and what the sweep was."""
-        rows = self.collate(points, varied)
         write_csv(rows, self.folder, ROWS)
-        failed = [(point, self.failure(point)) for point in points]
-        failed = [{**p.parameters, "error": error} for p, error in failed if error is not None]
         if failed:
-            write_csv(pd.DataFrame(failed), self.folder, FAILURES)
+            lines = [{**point.parameters, "error": error} for point, error in failed.items()]
+            write_csv(pd.DataFrame(lines), self.folder, FAILURES)
         else:
             (self.folder / f"{FAILURES}.csv").unlink(missing_ok=True)
-        _write(self.folder / ABOUT, json.dumps(about, indent=1) + "\n")
-        return rows
+        write_text(self.folder / ABOUT, json.dumps(about, indent=1) + "\n")
 
     def _rows(self, point: Point, extra: Sequence[str]) -> pd.DataFrame:
         if self.is_done(point):
@@ -125,12 +128,5 @@ def _failed_row(point: Point) -> pd.DataFrame:
     names = SurveyKey.__dataclass_fields__
     if not set(names) <= set(point.parameters):
         return frame([])
-    run = SurveyKey(**{name: point.parameters[name] for name in names})
-    return frame([run.row(ARTEFACT, "all", FAILED, "1", 1)])
-
-
-def _write(path: Path, text: str) -> None:
-    """The file, whole or not at all."""
-    part = path.with_name(f"{path.name}.part")
-    part.write_text(text, encoding="utf-8", newline="\n")
-    os.replace(part, path)
+    key = SurveyKey(**{name: point.parameters[name] for name in names})
+    return frame([key.row(ARTEFACT, "all", FAILED, "1", 1)])

@@ -5,13 +5,12 @@ from functools import cached_property
 
 import numpy as np
 
-from data_synth import simulate
 from data_synth.presets import SimulationConfig
-from paperrepro.method.coarse_to_fine import Candidates, PlaneSurvey, find_candidates, find_roofs
 from paperrepro.method.georeference import georeference
 from paperrepro.method.ground import progressive_morphological_filter
 from paperrepro.method.outliers import statistical_outliers
-from paperrepro.survey import Rays, Survey
+from paperrepro.study.simulated import SimulatedSurvey
+from paperrepro.survey import Rays
 
 #: One in so many firing sequences: the paper's density, a quarter and a sixteenth of it.
 EVERY = (1, 4, 16)
@@ -28,16 +27,16 @@ class Density(SimulationConfig):
         return self.every
 
 
-@dataclass(frozen=True)
-class Inputs:
-    """A ``survey`` and what each stage gets of it, made when it is asked for."""
-
-    every: int
-    survey: Survey
+class Inputs(SimulatedSurvey):
+    """A survey and what each stage gets of it, made when it is asked for."""
 
     @classmethod
     def of(cls, every: int) -> "Inputs":
-        return cls(every, simulate(Density(every=every))[0])
+        return cls(Density(every=every))
+
+    @property
+    def every(self) -> int:
+        return self.config.every
 
     @cached_property
     def rays(self) -> Rays:
@@ -58,13 +57,3 @@ class Inputs:
     def objects(self) -> np.ndarray:
         """Without ground: what may lie on a roof."""
         return self.clean[~progressive_morphological_filter(self.clean)]
-
-    @cached_property
-    def candidates(self) -> Candidates:
-        """Of all strips."""
-        return find_candidates(self.survey)
-
-    @cached_property
-    def found(self) -> PlaneSurvey:
-        """Roofs of all strips, matched."""
-        return find_roofs(self.survey, self.candidates)

@@ -7,7 +7,7 @@ from data_synth import ObjectClass
 from data_synth.relief import HeightMap, Relief
 from data_synth.scene import roof_face
 from data_synth.surfaces import GROUND_STEP, KINDS, draw_reflectivity, ground_map, roof_map
-from paperrepro.georeference import georeference
+from paperrepro.method.georeference import georeference
 from paperrepro.survey import Rays
 
 ROUGHNESS = 0.04

@@ -1,6 +1,7 @@
 """``paperrepro calibrate`` from files to files: contents, exit codes, nothing half-written."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -72,6 +73,12 @@ def test_the_report_is_one_page_with_everything_on_it(done):
     assert page.count("<img") == page.count("alt=") == 5
     assert "http" not in page.replace("http://www.w3.org", "")
     assert "F1 – F2" in page
+    views = page[page.index("<h3>Reliability</h3>") :]
+    lines = views[: views.index("</table>")].split("<tr>")[2:]
+    planes = json.loads((done / "calibration.json").read_text())["n_planes"]
+    assert len(lines) == planes
+    sizes = [float(re.findall(r'"number">(.*?)</td>', line)[1]) for line in lines]
+    assert sizes == sorted(sizes, reverse=True)  # where a gross error hides best stands first
     assert "nan" not in page.lower().split("</style>")[1].split("data:image")[0]
 
 

@@ -1,1 +1,5 @@
 """."""
+
+from paperrepro import modules_of
+
+__getattr__ = modules_of(__name__)

@@ -18,7 +18,7 @@ def calibrate(
     tie_planes: TiePlanes,
     scenario: str,
     robust: bool = True,
-    components: bool = False,
+    found: trajectory_errors.FoundNoise | None = None,
     lever_arm: bool = False,
     screening: Screening | None = None,
 ) -> CalibrationResult:
@@ -35,8 +35,8 @@ def calibrate(
         a face that enter, as in ``B 3`` or ``D 40``, a variant of it (`scenarios.by_name`).
     robust : bool
         Faces that miss their plane are left out first, and reported (`screening`).
-    components : bool
-        Scenario D estimates variance components of trajectory and laser.
+    found : FoundNoise, optional
+        Noise that scenario D takes in place of the specified one, as `find_noise` estimates it.
     lever_arm : bool
         Scenario D estimates the lever arm, which the others hold.
     screening : Screening, optional
@@ -72,7 +72,7 @@ def calibrate(
     if estimator.trajectory:
         few = tie_planes.thinned(estimator.points) if estimator.points else tie_planes
         result = trajectory_errors.calibrate_with_trajectory(
-            survey, few, components=components, near=near, lever_arm=lever_arm
+            survey, few, found=found, near=near, lever_arm=lever_arm
         )
     else:
         result = _judged(

@@ -8,7 +8,7 @@ from paperrepro.errors import BadInput
 from paperrepro.frames import ANGLES, AXIS_WORDS
 from paperrepro.method.adjustment.observability import Observability
 from paperrepro.method.adjustment.quality import Reliability
-from paperrepro.method.adjustment.trajectory_equations import LeverArm
+from paperrepro.method.adjustment.trajectory_equations import Clock, LeverArm
 from paperrepro.method.georeference import georeference
 from paperrepro.method.tie_planes import Rejection, TiePlanes
 from paperrepro.survey import Mounting, Rays
@@ -17,11 +17,16 @@ from paperrepro.survey import Mounting, Rays
 @dataclass(frozen=True)
 class TrajectoryErrors:
     """What scenario D finds of the trajectory's error: at nodes ``time`` (K,) s the ``correction``
-    (K, 6) to be added to the reported pose, m and rad, and its ``sigma`` (K, 6)."""
+    (K, 6) to be added to the reported pose, m and rad, ``constant`` (6,) of it all the time, the
+    ``sigma`` (K, 6) of the part that changes; before the data, these had ``prior_sigma`` (6,) and
+    ``constant_sigma`` (6,)."""
 
     time: np.ndarray
     correction: np.ndarray
     sigma: np.ndarray
+    constant: np.ndarray
+    prior_sigma: np.ndarray
+    constant_sigma: np.ndarray
 
     def apply(self, rays: Rays) -> Rays:
         """The rays with corrected poses; beyond the nodes the nearest correction holds."""
@@ -38,7 +43,7 @@ class CalibrationResult:
     ``dof``; RMS of each plane's points about their common plane before and after, (G,) m;
     ``rejected`` faces, left out as wrong matches. Of scenario D alone: the ``trajectory``'s errors,
     the factors on the specified sigma where variance ``components`` were estimated, the
-    ``lever_arm`` where it was, and the ``reliability`` of each view.
+    ``lever_arm`` and the ``clock`` where they were, and the ``reliability`` of each view.
     """
 
     scenario: str
@@ -61,6 +66,7 @@ class CalibrationResult:
     trajectory: TrajectoryErrors | None = None
     components: dict[str, float] | None = None
     lever_arm: LeverArm | None = None
+    clock: Clock | None = None
     reliability: Reliability | None = None
 
     @property

@@ -112,8 +112,8 @@ def by_name(text: str) -> Scenario:
     points = words[0] if len(words) == 1 and (words == ["all"] or words[0].isdecimal()) else None
     if found is None or (words and points is None) or (found.free_planes and points == "0"):
         raise BadInput(
-            f"scenario {text!r}: expected one of {', '.join(SCENARIOS)}, D, perhaps with the points "
-            "a face (B 3, SL all; those with planes as unknowns need one at least) and 'without "
+            f"scenario {text!r}: expected one of {', '.join(SCENARIOS)}, D, perhaps with points a "
+            "face (B 3, SL all; those with planes as unknowns need one at least) and 'without "
             "offsets'; name one of them"
         )
     if points is not None:

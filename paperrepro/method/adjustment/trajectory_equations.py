@@ -87,40 +87,47 @@ class Nodes:
         return before, np.clip((time - self.time[before]) / self.spacing, 0.0, 1.0)
 
 
-N_ANGLES, N_PLANE, N_LEVER = 3, 3, 3
+N_ANGLES, N_PLANE = 3, 3
 N_NODES = 12  # two nodes of six components
-#: A row of A without offset and lever arm. Loops of a length that is known are twice as fast.
+#: A moment, s: a turn of most scanners, so that a cell holds one scan line of each beam. What the
+#: points of a moment share of a face's roughness is independent of how far the nodes are apart.
+MOMENT = 0.1
+#: A row of A without offset, lever arm, clock. Loops of a length that is known are twice as fast.
 N_ROW = N_ANGLES + N_PLANE + N_NODES
 
 
 @dataclass(frozen=True)
 class Cells:
-    """Rays sorted by cell, ``order`` (N,) being their index in the matched faces: cell ``c`` has
+    """Rays sorted by cell, ``order`` (N,) being their index in the tie_planes faces: cell ``c`` has
     rows ``ranges[c]``, lies on ``plane[c]`` in face ``face[c]`` and between nodes ``node[c]`` and
-    the next; ``share`` (N,) of the latter for each ray."""
+    the next; ``share`` (N,) of the latter for each ray, ``rate`` (N, 6) of its pose, m/s and rad/s,
+    or (0, 6) where the clock is no unknown."""
 
     order: np.ndarray
     sight: PreparedRays
     share: np.ndarray
+    rate: np.ndarray
     ranges: np.ndarray
     plane: np.ndarray
     face: np.ndarray
     node: np.ndarray
 
     @classmethod
-    def of(cls, tie_planes: TiePlanes, nodes: Nodes) -> "Cells":
+    def of(cls, tie_planes: TiePlanes, nodes: Nodes, rate: np.ndarray | None = None) -> "Cells":
         face = np.repeat(
             np.arange(len(tie_planes.ranges)), np.diff(tie_planes.ranges, axis=1)[:, 0]
         )
         node, share = nodes.locate(tie_planes.rays.time)
-        key = face * len(nodes.time) + node
+        moment = np.floor((tie_planes.rays.time - nodes.time[0]) / MOMENT).astype(int)
+        key = (face * len(nodes.time) + node) * (moment.max() + 1) + moment
         order = np.argsort(key, kind="stable")
         first = np.flatnonzero(np.r_[True, np.diff(key[order]) > 0])
         ranges = np.column_stack([first, np.r_[first[1:], len(key)]]).astype(np.int64)
         chosen = order[first]
         face_of_cell = face[chosen]
         return cls(
-            order, PreparedRays.of(tie_planes.rays.take(order)), share[order], ranges,
+            order, PreparedRays.of(tie_planes.rays.take(order)), share[order],
+            np.empty((0, 6)) if rate is None else np.ascontiguousarray(rate[order]), ranges,
             tie_planes.plane[face_of_cell], face_of_cell, node[chosen],
         )  # fmt: skip
 
@@ -141,52 +148,54 @@ def cell_blocks(
     origin: np.ndarray,
     planes: np.ndarray,
     turns: np.ndarray,
-    unknowns: Unknowns,
+    unknowns: "TrajectoryUnknowns",
     x: np.ndarray,
     error: np.ndarray,
     variances: np.ndarray,
-    weight: np.ndarray,
     settled: float = SETTLED,
 ) -> CellBlocks:
-    """`CellBlocks` at ``x``, ``planes`` (G, 4) with d from ``origin`` (G, 3), pose errors ``error``
-    (K, 6) m and rad, and ``variances`` (9,) of the observations, free of what the error stands for;
-    ``turns`` (G, 3, 2) how a plane's normal moves with its two unknowns; ``weight`` (F,) multiplies
-    the weights of a face's points; ``settled`` m as `sightlines.settle` has it.
+    """`CellBlocks` at ``x``, the views' ``planes`` (F, 4), d from ``origin`` (F, 3), pose errors
+    ``error`` (K, 6) m and rad, and ``variances`` (9,) of the observations, free of what the error
+    stands for; ``turns`` (F, 3, 2) how a plane's normal moves with its two unknowns; ``settled`` m
+    as `sightlines.settle` has it.
     """  # fmt: skip
     size = unknowns.size + N_PLANE + N_NODES
     n_cells = len(cells.ranges)
     N, t, chi2 = np.zeros((n_cells, size, size)), np.zeros((n_cells, size)), np.zeros(n_cells)
     R_l_b, dR_l_b, *mounted = unknowns.kernel_arguments(x)
     over_threads(
-        _cell_blocks, n_cells, *cells.sight.columns(), cells.share, cells.ranges, cells.node,
-        origin[cells.plane], planes[cells.plane], turns[cells.plane], weight[cells.face], error,
+        _cell_blocks, n_cells, *cells.sight.columns(), cells.share, cells.rate, cells.ranges,
+        cells.node, origin[cells.face], planes[cells.face], turns[cells.face], error,
         R_l_b, axes(R_l_b, dR_l_b), *mounted, variances, settled,
-        N_LEVER if isinstance(unknowns, LeverArmUnknowns) else 0, N, t, chi2, least=8,
+        3 * unknowns.lever, unknowns.clock_delay(x), N, t, chi2, least=8,
     )  # fmt: skip
     return CellBlocks(N, t, chi2)
 
 
 @numba.njit(cache=True, nogil=True)
 def _cell_blocks(
-    first, last, position, turns, rho, ring, share, ranges, node, origin, planes, plane_turns,
-    weight, error, R_l_b, turn_axes, lever, offsets, ring_column, variances, settled, n_lever, N, t,
+    first, last, position, turns, rho, ring, share, rate, ranges, node, origin, planes, plane_turns,
+    error, R_l_b, turn_axes, lever, offsets, ring_column, variances, settled, n_lever, delay, N, t,
     chi2,
 ):  # fmt: skip
     """Fill ``N``, ``t`` and ``chi2`` of cells ``first`` to ``last``."""
-    size = N_ROW + n_lever
+    timed = len(rate) > 0
+    size = N_ROW + n_lever + timed
     v, b, seen, e, row = np.empty(9), np.empty(9), np.empty(8), np.empty(6), np.empty(size)
     sums, of_ring = np.empty((size, size + 1)), np.empty((len(ring_column), size + 2))
     per_ring, n_x = ring_column.max() >= 0, t.shape[1] - N_PLANE - N_NODES
-    where = np.arange(size)  # plane and nodes follow the unknowns, of which the lever arm is last
+    where = np.arange(size)  # plane and nodes follow the unknowns, the last: lever arm, clock
     for k in range(N_ANGLES, size):
         where[k] += n_x - (N_ANGLES if k < N_ROW else size)
     for c in range(first, last):
         before, after = error[node[c]], error[node[c] + 1]
-        plane, near, of_cell = planes[c], origin[c], weight[c]
+        plane, near = planes[c], origin[c]
         sums[:], of_ring[:] = 0.0, 0.0
         for i in range(ranges[c, 0], ranges[c, 1]):
             for m in range(6):
                 e[m] = (1 - share[i]) * before[m] + share[i] * after[m]
+                if timed:
+                    e[m] += delay * rate[i, m]
             there, then = ray(position, turns, i)
             there, then = moved(there, then, e)
             w, s = settle(
@@ -196,10 +205,14 @@ def _cell_blocks(
             _fill_row(seen, b, share[i], plane_turns[c], row)
             if n_lever > 0:
                 _fill_lever(plane, then, row)
-            _add_products(row, w, of_cell / s, sums)
+            if timed:
+                row[size - 1] = 0.0
+                for m in range(6):
+                    row[size - 1] += b[m] * rate[i, m]
+            _add_products(row, w, 1.0 / s, sums)
             if per_ring:
-                _add_offset(row, seen[3], w, of_cell / s, of_ring, ring[i])
-            chi2[c] += of_cell * w * w / s
+                _add_offset(row, seen[3], w, 1.0 / s, of_ring, ring[i])
+            chi2[c] += w * w / s
         _add_sums(sums, of_ring, where, ring_column, N[c], t[c])
 
 
@@ -270,33 +283,6 @@ def _add_sums(sums, of_ring, where, ring_column, N, t):
                 N[min(column, where[k]), max(column, where[k])] += of_ring[r, k]
             N[column, column] += of_ring[r, size]
             t[column] += of_ring[r, size + 1]
-
-
-@numba.njit(cache=True)
-def add_cells(N, t, plane, node, N_yy, t_y, N_ty, t_t, D, E):
-    """Add the cells' ``N`` and ``t`` to the normal equations of unknowns and planes, ``N_yy`` and
-    ``t_y``, of the nodes, ``D``, ``E`` and ``t_t``, and between them, ``N_ty``; to the upper
-    triangles of ``N_yy`` and ``D`` alone."""
-    n_x = N.shape[1] - N_PLANE - N_NODES
-    y = np.arange(n_x + N_PLANE)
-    for c in range(len(N)):
-        for k in range(N_PLANE):
-            y[n_x + k] = n_x + N_PLANE * plane[c] + k
-        for k in range(len(y)):
-            t_y[y[k]] += t[c, k]
-            for m in range(k, len(y)):
-                N_yy[y[k], y[m]] += N[c, k, m]
-        for after in range(2):
-            of_node = len(y) + 6 * after
-            for m in range(6):
-                t_t[node[c] + after, m] += t[c, of_node + m]
-                for k in range(len(y)):
-                    N_ty[node[c] + after, m, y[k]] += N[c, k, of_node + m]
-                for k in range(m + 1):
-                    D[node[c] + after, k, m] += N[c, of_node + k, of_node + m]
-        for k in range(6):
-            for m in range(6):
-                E[node[c], k, m] += N[c, len(y) + k, len(y) + 6 + m]
 
 
 @dataclass(frozen=True)
@@ -373,22 +359,61 @@ def _backward(gain, out):
 
 #: How well a lever arm is known before the flight, m: measured by tape between housings.
 PRIOR_SIGMA = 0.05
+#: Clocks of laser and GNSS/INS agree to this before the flight, s: some are off by a record.
+CLOCK_SIGMA = 0.01
 #: An axis counts as determined where the flight leaves no more than this share of the prior sigma.
 DETERMINED = 0.5
 AXES = ("forward", "right", "down")
 
 
 @dataclass(frozen=True)
-class LeverArmUnknowns(Unknowns):
-    """`Unknowns` with three more at the end of ``x``: corrections of the lever arm, m, b-frame."""
+class TrajectoryUnknowns(Unknowns):
+    """`Unknowns` with more at the end of ``x``: corrections of the ``lever`` arm, m, b-frame, and
+    the delay of the laser's ``clock``, s, where they are unknown."""
+
+    lever: bool = False
+    clock: bool = False
 
     @property
     def size(self) -> int:
-        return super().size + 3
+        return self.kept + 3 * self.lever + self.clock
+
+    @property
+    def kept(self) -> int:
+        """Boresight and offsets."""
+        return super().size
+
+    @property
+    def lever_at(self) -> slice:
+        """Where the lever arm is in ``x``."""
+        return slice(self.kept, self.kept + 3 * self.lever)
+
+    def clock_delay(self, x: np.ndarray) -> float:
+        """s, by which the poses must be taken later."""
+        return float(x[-1]) if self.clock else 0.0
+
+    def pseudo_weight(self, range_offset_sigma: float) -> np.ndarray:
+        """(size,) what is known of the unknowns before the flight."""
+        weight = np.zeros(self.size)
+        weight[3 : self.kept] = range_offset_sigma**-2.0
+        weight[self.lever_at] = PRIOR_SIGMA**-2.0
+        if self.clock:
+            weight[-1] = CLOCK_SIGMA**-2.0
+        return weight
 
     def kernel_arguments(self, x: np.ndarray) -> tuple:
         R, dR, lever, offsets, ring_column = super().kernel_arguments(x)
-        return R, dR, lever + x[-3:], offsets, ring_column
+        if self.lever:
+            lever = lever + x[self.lever_at]
+        return R, dR, lever, offsets, ring_column
+
+
+@dataclass(frozen=True)
+class Clock:
+    """``delay`` s by which poses must be taken later than the points' times say, its ``sigma``."""
+
+    delay: float
+    sigma: float
 
 
 @dataclass(frozen=True)
@@ -403,9 +428,8 @@ class LeverArm:
 
     @classmethod
     def of(cls, mounting: Mounting, x: np.ndarray, covariance: np.ndarray) -> "LeverArm":
-        """From the last three of ``x`` and of its ``covariance``."""
-        sigma = np.sqrt(np.diag(covariance)[-3:])
-        return cls(np.asarray(mounting.lever_arm, float) + x[-3:], x[-3:], sigma)
+        """From its three of ``x`` and their ``covariance``."""
+        return cls(np.asarray(mounting.lever_arm, float) + x, x, np.sqrt(np.diag(covariance)))
 
     @property
     def determined(self) -> np.ndarray:

@@ -6,29 +6,33 @@ sigma is too small by a factor of ten. Here the error is an unknown: a first-ord
 process estimated in the same Gauss-Helmert adjustment, as in the paper's Eq. (3)-(4) otherwise.
 """
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from paperrepro.method.adjustment.conditions import face_states
 from paperrepro.method.adjustment.observability import Observability, require_determined
-from paperrepro.method.adjustment.quality import VarianceComponents, estimate, reliability
+from paperrepro.method.adjustment.quality import reliability
 from paperrepro.method.adjustment.result import CalibrationResult, TrajectoryErrors
 from paperrepro.method.adjustment.scenarios import calibrate
-from paperrepro.method.adjustment.trajectory_equations import (
-    GaussMarkov,
-    LeverArm,
-    LeverArmUnknowns,
+from paperrepro.method.adjustment.trajectory_components import (
+    OF_LASER,
+    VarianceComponents,
+    estimate,
 )
+from paperrepro.method.adjustment.trajectory_equations import Clock, GaussMarkov, LeverArm
 from paperrepro.method.adjustment.trajectory_solver import (
+    Noise,
     Solution,
     State,
-    Step,
     TrajectoryModel,
     eliminate,
     iterate,
     prior_chi2,
 )
+from paperrepro.method.patches import choose
 from paperrepro.method.tie_planes import TiePlanes
-from paperrepro.survey import Navigation, Survey
+from paperrepro.survey import Mounting, Navigation, Survey
 
 #: Seconds between nodes. Between nodes a second apart an APX-15's heading wanders by 0.01 deg,
 #: which thousands of points see. At full density, 15 000 points in such a time, nodes 0.25 s apart
@@ -36,6 +40,10 @@ from paperrepro.survey import Navigation, Survey
 NODE_SPACING = 0.1
 #: Points a face, and seconds between nodes, that show what a flight determines.
 WITNESSES, WITNESS_SPACING = 200, 0.5
+#: A delay of the clock is beyond doubt from so many of its sigma on; how often it is looked for.
+CLOCK_SIGMAS, CLOCK_ROUNDS = 4.0, 6
+#: Planes and points a face from which noise is estimated.
+NOISE_PLANES, NOISE_POINTS = 30, 150
 
 
 def specified_process(navigation: Navigation) -> GaussMarkov:
@@ -44,11 +52,86 @@ def specified_process(navigation: Navigation) -> GaussMarkov:
     return GaussMarkov(sigma, np.full(6, navigation.correlation_time))
 
 
+def specified_noise(navigation: Navigation) -> Noise:
+    """Errors of the trajectory as specified, surfaces flat."""
+    return Noise((specified_process(navigation),), np.zeros(6), 0.0)
+
+
+@dataclass(frozen=True)
+class FoundNoise:
+    """What the data say of the noise: variance ``components``, and ``open`` (3, 3) rad², what the
+    boresight gets of their uncertainty; ``delay`` s of the laser's clock under which they are."""
+
+    components: VarianceComponents
+    open: np.ndarray
+    delay: float = 0.0
+
+
+def _clock_can_be_off(survey: Survey) -> bool:
+    """A point that came with its pose has no clock of its own."""
+    return survey.trajectory is not None and all(strip.pose is None for strip in survey.strips)
+
+
+def _find_delay(survey: Survey, tie_planes: TiePlanes, near: np.ndarray, spacing: float) -> float:
+    """Delay of the laser's clock, s, where it is beyond doubt, before any component could take it
+    for an error of the trajectory. Noise of the reported poses makes each estimate too small by a
+    share, so poses are taken at the later time and the rest is looked for, until there is none."""
+    delay, components = 0.0, VarianceComponents()
+    for _ in range(CLOCK_ROUNDS):
+        moved = _delayed(survey, tie_planes, delay)
+        model = TrajectoryModel.prepare(survey, moved, "per_ring", spacing, clock=True)
+        noise = components.noise(specified_process(survey.navigation), np.zeros(6))
+        state = model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
+        solution = iterate(model, noise, state, 0.01)
+        at = len(state.x) - 1
+        rest, sigma = solution.state.x[at], np.sqrt(solution.step.Q[at, at])
+        if abs(rest) < (CLOCK_SIGMAS if delay == 0 else 1) * sigma:
+            break
+        delay += rest
+    return float(delay)
+
+
+def _delayed(survey: Survey, tie_planes: TiePlanes, delay: float) -> TiePlanes:
+    """With the poses of ``delay`` s later."""
+    if delay == 0:
+        return tie_planes
+    rays, times = tie_planes.rays, survey.trajectory.time
+    pose = survey.trajectory.at(np.clip(rays.time + delay, times[0], times[-1]))
+    turns = np.round((rays.pose[:, 5] - pose[:, 5]) / (2 * np.pi))
+    pose[:, 5] += 2 * np.pi * turns
+    return replace(tie_planes, rays=replace(rays, pose=pose))
+
+
+def few_planes(tie_planes: TiePlanes, mounting: Mounting) -> TiePlanes:
+    """At most `NOISE_PLANES` planes that face many ways, and `NOISE_POINTS` points of a face: what
+    shows the noise."""
+    states, views = tie_planes.plane_states(mounting), np.bincount(tie_planes.plane)
+    planes = choose(states.plane[:, :3], states.centroid, views, NOISE_PLANES)
+    return tie_planes.subset(np.isin(tie_planes.plane, planes)).thinned(NOISE_POINTS)
+
+
+def find_noise(
+    survey: Survey, tie_planes: TiePlanes, near: np.ndarray, all_components: bool = True,
+    spacing: float = WITNESS_SPACING,
+) -> FoundNoise:  # fmt: skip
+    """Variance components from ``tie_planes``, at a boresight ``near`` (3,) rad; where not
+    ``all_components``, those of laser and surfaces alone, and the others keep their priors."""
+    clock, delay = _clock_can_be_off(survey), 0.0
+    if clock:
+        delay = _find_delay(survey, tie_planes, near, spacing)
+        tie_planes = _delayed(survey, tie_planes, delay)
+    model = TrajectoryModel.prepare(survey, tie_planes, "per_ring", spacing, clock=clock)
+    state = model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
+    free = None if all_components else OF_LASER
+    found = estimate(model, specified_process(survey.navigation), state, free)
+    return FoundNoise(found.components, found.open, delay)
+
+
 def calibrate_with_trajectory(
     survey: Survey,
     tie_planes: TiePlanes,
     range_offsets: str = "per_ring",
-    components: bool = False,
+    found: FoundNoise | None = None,
     spacing: float = NODE_SPACING,
     near: np.ndarray | None = None,
     lever_arm: bool = False,
@@ -57,22 +140,26 @@ def calibrate_with_trajectory(
 
     A start degrees away would be taken for an error of the trajectory.
 
-    The prior is ``survey.navigation``'s specification; with ``components`` its sigma, the laser's
-    and the correlation time are estimated from the data. ``lever_arm``: it is an unknown too, with
-    what was given for it as prior (`lever_arm.PRIOR_SIGMA`). The covariance is that of the stated
-    (or estimated) noise, not scaled by sigma0. Raises `BadInput`, `RankDefect`, `NoConvergence`.
+    The prior is ``survey.navigation``'s specification, or the noise ``found`` in the data; then the
+    delay of the laser's clock is an unknown, too. ``lever_arm``: it is one, with what was given for
+    it as prior (`lever_arm.PRIOR_SIGMA`). The covariance is that of the stated (or estimated)
+    noise, not scaled by sigma0. Raises `BadInput`, `RankDefect`, `NoConvergence`.
     """
-    model = TrajectoryModel.prepare(survey, tie_planes, range_offsets, spacing, lever_arm)
-    prior, factors = specified_process(survey.navigation), None
+    clock = found is not None and _clock_can_be_off(survey)
+    if clock:
+        tie_planes = _delayed(survey, tie_planes, found.delay)
+    model = TrajectoryModel.prepare(survey, tie_planes, range_offsets, spacing, lever_arm, clock)
+    noise = specified_noise(survey.navigation)
     start = model.unknowns.start()
     if near is None:
         near = calibrate(survey, tie_planes, "SL").boresight
-    state = model.start(np.r_[near, start[3:]])
-    if components:
-        factors, state = estimate(model, prior, state)
-        model, prior = factors.apply(model), factors.prior(prior)
-    solution = iterate(model, prior, state)
-    return _result(model, prior, start, solution, factors)
+    if found is not None:
+        model = found.components.apply(model)
+        specified = specified_process(survey.navigation)
+        noise = found.components.noise(specified, found.components.constant(specified)).reduced()
+    state = model.start(np.r_[near, start[3:]], len(noise.processes))
+    solution = iterate(model, noise, state)
+    return _result(model, noise, start, solution, found)
 
 
 def lasting_sigma(survey: Survey, tie_planes: TiePlanes, boresight: np.ndarray) -> np.ndarray:
@@ -81,31 +168,33 @@ def lasting_sigma(survey: Survey, tie_planes: TiePlanes, boresight: np.ndarray) 
     few = tie_planes.thinned(WITNESSES)
     model = TrajectoryModel.prepare(survey, few, "per_ring", WITNESS_SPACING)
     state = model.start(np.r_[boresight, np.zeros(model.unknowns.size - 3)])
-    prior = specified_process(survey.navigation)
-    step = eliminate(model.normals(state), prior, model.nodes.time, state, model.pseudo_weight)
-    return np.sqrt(np.diag(np.linalg.inv(step.S))[:3])
+    noise = specified_noise(survey.navigation)
+    step = eliminate(model.normals(state, noise), model, noise, state)
+    return np.sqrt(np.diag(step.Q)[:3])
 
 
 def _result(
     model: TrajectoryModel,
-    prior: GaussMarkov,
+    noise: Noise,
     start: np.ndarray,
     solution: Solution,
-    factors: VarianceComponents | None,
+    found: FoundNoise | None,
 ) -> CalibrationResult:
     state, step = solution.state, solution.step
     tie_planes, unknowns = model.tie_planes, model.unknowns
-    lever, u = isinstance(unknowns, LeverArmUnknowns), len(state.x)
-    kept = u - 3 if lever else u
+    kept, lever, u = unknowns.kept, unknowns.lever_at, len(state.x)
     observability = _observability(step.S, kept, model.pseudo_weight)
     require_determined(observability)
-    Q = np.linalg.inv(step.S)
-    observability = observability.under(np.sqrt(np.diag(Q)[:3]), prior.sigma[3:])
+    Q = step.Q_y.copy()
+    if found is not None:
+        Q[:3, :3] += found.open
+    sigma = np.sqrt(sum(np.square(process.sigma[3:]) for process in noise.processes))
+    observability = observability.under(np.sqrt(np.diag(Q)[:3]), sigma)
     planes, Q_planes = _planes_in_map(model, state, Q)
-    chi2 = solution.data.chi2 + prior_chi2(prior, model.nodes.time, state.error)
-    chi2 += float(model.pseudo_weight @ np.square(state.x))
-    dof = len(tie_planes.rays) + np.count_nonzero(model.pseudo_weight) - len(Q)
+    chi2 = solution.data.chi2 + prior_chi2(model, noise, state)
+    dof = len(tie_planes.rays) + np.count_nonzero(model.pseudo_weight) - len(Q) + 6
     after = face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, state.x)
+    variance, _, of_surface = step.covariance(model)
     return CalibrationResult(
         scenario="D",
         mounting=unknowns.mounting,
@@ -123,16 +212,24 @@ def _result(
         rms_after=after.rms,
         points_per_plane=after.count,
         observability=observability,
-        trajectory=_errors(model, state, step, Q),
-        components=None if factors is None else vars(factors).copy(),
-        lever_arm=LeverArm.of(unknowns.mounting, state.x, Q[:u, :u]) if lever else None,
-        reliability=reliability(solution.blocks, model.cells, state, step, tie_planes.strips),
-    )
+        trajectory=_errors(model, noise, state, variance),
+        components=None if found is None else found.components.named(),
+        lever_arm=(
+            LeverArm.of(unknowns.mounting, state.x[lever], Q[lever, lever])
+            if unknowns.lever else None
+        ),
+        clock=(
+            Clock(found.delay + unknowns.clock_delay(state.x), float(np.sqrt(np.diag(Q)[u - 1])))
+            if unknowns.clock else None
+        ),
+        reliability=reliability(model, noise, solution, of_surface),
+    )  # fmt: skip
 
 
 def _observability(S: np.ndarray, kept: int, pseudo: np.ndarray) -> Observability:
-    """Of boresight and offsets, the first ``kept`` unknowns; lever arm, planes and trajectory
-    being free; pseudo-observations of the offsets apart."""
+    """Of boresight and offsets, the first ``kept`` unknowns; lever arm, clock, planes and
+    trajectory being free, but for constants; pseudo-observations of the offsets apart."""
+    S = S[:-6, :-6]
     rest = S[kept:, kept:]
     S_x = S[:kept, :kept] - S[:kept, kept:] @ np.linalg.solve(rest, S[kept:, :kept])
     S_x -= np.diag(pseudo[:kept])
@@ -145,12 +242,15 @@ def _planes_in_map(model: TrajectoryModel, state: State, Q: np.ndarray):
     own = u + 3 * np.arange(n_planes)[:, None] + np.arange(3)
     to_map = np.tile(np.eye(4), (n_planes, 1, 1))
     to_map[:, 3, :3] = model.origin
-    J = to_map @ state.bases()
+    J = to_map @ model.bases(state.planes)
     planes = np.einsum("gab,gb->ga", to_map, state.planes)
     return planes, J @ Q[own[:, :, None], own[:, None, :]] @ J.transpose(0, 2, 1)
 
 
-def _errors(model: TrajectoryModel, state: State, step: Step, Q: np.ndarray) -> TrajectoryErrors:
-    given_rest = np.einsum("kcc->kc", step.factor.inverse_diagonal())
-    through_rest = np.einsum("kcy,kcy->kc", step.coupling @ Q, step.coupling)
-    return TrajectoryErrors(model.nodes.time, state.error, np.sqrt(given_rest + through_rest))
+def _errors(model: TrajectoryModel, noise: Noise, state: State, variance) -> TrajectoryErrors:
+    """Sigma of the changing part: the constants' goes with the boresight's."""
+    prior = np.sqrt(sum(np.square(process.sigma) for process in noise.processes))
+    return TrajectoryErrors(
+        model.nodes.time, state.correction, np.sqrt(variance.sum(axis=1)), state.constant, prior,
+        noise.constant,
+    )  # fmt: skip

@@ -1,12 +1,15 @@
-"""The adjustment of scenario D: the error of the trajectory as an unknown beside all others.
+"""The adjustment of scenario D: errors of trajectory and surfaces as unknowns beside all others.
 
-The sparse structure is used: the nodes of the error are eliminated first, in time proportional to
-the flight (`block_tridiagonal`); what remains is dense in boresight, offsets and planes.
+A pose's error is a constant of the mission plus Gauss-Markov processes; a view of a face lies off
+its plane by an offset and two tilts. The sparse structure is used: windows of time are eliminated
+each by itself (`trajectory_windows`); what remains is dense in boresight, offsets and planes.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from paperrepro.errors import BadInput, NoConvergence
 from paperrepro.method.adjustment.conditions import (
@@ -14,39 +17,90 @@ from paperrepro.method.adjustment.conditions import (
     SETTLED,
     TOLERANCE,
     Iterations,
-    Unknowns,
     face_states,
     observation_variances,
 )
 from paperrepro.method.adjustment.trajectory_equations import (
+    LEAST_SIGMA,
     N_COMPONENTS,
-    PRIOR_SIGMA,
     CellBlocks,
     Cells,
-    Factor,
     GaussMarkov,
-    LeverArmUnknowns,
     Nodes,
-    add_cells,
+    TrajectoryUnknowns,
     cell_blocks,
-    factorise,
+)
+from paperrepro.method.adjustment.trajectory_windows import (
+    NodePrior,
+    Window,
+    WindowNormals,
+    WindowStep,
+    eliminate_window,
+    window_normals,
+    windows,
 )
 from paperrepro.method.tie_planes import TiePlanes, require_spread
 from paperrepro.survey import Survey
 
+#: A surface called flat still gets this, m: it keeps the prior finite.
+LEAST_SURFACE = 1e-5
+#: A step that lowers the sum of squares by so little is a ten thousandth of a standard deviation
+#: in any direction.
+LEAST_DECREMENT = 1e-8
+#: A process with less of the largest's sigma changes the boresight's by less than a hundredth.
+NEGLIGIBLE = 0.1
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Prior of the random effects: ``processes``, whose sum each pose's error follows; sigma
+    ``constant`` (6,) m and rad of what lasts the whole mission; ``surface`` m, of a view's offset
+    and of what its two tilts are at one standard extent from its middle; ``roughness`` m, of the
+    offset that a view's points of a moment share: tiles, grass, what one scan line meets."""
+
+    processes: tuple[GaussMarkov, ...]
+    constant: np.ndarray
+    surface: float
+    roughness: float = 0.0
+
+    def reduced(self) -> "Noise":
+        """Without processes that no component has more of than `NEGLIGIBLE` of the largest's
+        sigma: a second process costs four times the work."""
+        sigma = np.array([process.sigma for process in self.processes])
+        kept = (sigma > NEGLIGIBLE * sigma.max(axis=0)).any(axis=1)
+        return replace(self, processes=tuple(np.array(self.processes, object)[kept]))
+
+    @property
+    def constant_weight(self) -> np.ndarray:
+        """(6,)."""
+        return np.maximum(self.constant, LEAST_SIGMA) ** -2.0
+
+    @property
+    def surface_weight(self) -> float:
+        """1 / m²."""
+        return max(self.surface, LEAST_SURFACE) ** -2.0
+
+    @property
+    def roughness_weight(self) -> float:
+        """1 / m²."""
+        return max(self.roughness, LEAST_SURFACE) ** -2.0
+
 
 @dataclass(frozen=True)
 class TrajectoryModel:
-    """The conditions of scenario D on given faces."""
+    """The conditions of scenario D on given faces: ``origin`` (G, 3) and ``axes`` (G, 3, 2) of the
+    planes, ``to_plane`` (F, 3, 3) from a view's offset and tilts to the unknowns of its plane."""
 
     tie_planes: TiePlanes
-    unknowns: Unknowns
+    unknowns: TrajectoryUnknowns
     nodes: Nodes
     cells: Cells
+    windows: tuple[Window, ...]
     origin: np.ndarray
+    axes: np.ndarray
+    to_plane: np.ndarray
     variances: np.ndarray
     pseudo_weight: np.ndarray
-    weight: np.ndarray
 
     @classmethod
     def prepare(
@@ -56,159 +110,277 @@ class TrajectoryModel:
         range_offsets: str,
         spacing: float,
         lever_arm: bool = False,
+        clock: bool = False,
     ) -> "TrajectoryModel":
         if tie_planes.rays.time is None:
             raise BadInput(
                 "scenario D: expected rays with their times, got none; build them from strips"
             )
-        layout = LeverArmUnknowns.layout if lever_arm else Unknowns.layout
-        unknowns = layout(survey.mounting, survey.scanner.n_rings, range_offsets)
-        states = face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, unknowns.start())
+        unknowns = TrajectoryUnknowns.layout(survey.mounting, survey.scanner.n_rings, range_offsets)
+        unknowns = replace(unknowns, lever=lever_arm, clock=clock)
+        start = unknowns.start()
+        states = face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, start)
         require_spread(states.plane[:, :3])
         nodes = Nodes.covering(tie_planes.rays.time, spacing)
         variances = observation_variances(survey.navigation, survey.scanner)
         variances[:N_COMPONENTS] = 0.0  # the error that these stand for is an unknown now
-        pseudo = np.zeros(unknowns.size)
-        pseudo[3:] = survey.scanner.range_offset_sigma**-2.0
-        if lever_arm:
-            pseudo[-3:] = PRIOR_SIGMA**-2.0
-        weight = np.ones(len(tie_planes.ranges))
-        cells = Cells.of(tie_planes, nodes)
-        return cls(tie_planes, unknowns, nodes, cells, states.centroid, variances, pseudo, weight)
+        rate = survey.trajectory.rate(tie_planes.rays.time) if clock else None
+        cells = Cells.of(tie_planes, nodes, rate)
+        _, _, rows = np.linalg.svd(states.plane[:, None, :3])  # rows 1, 2 span what is square to n
+        axes = rows[:, 1:].transpose(0, 2, 1)
+        return cls(
+            tie_planes, unknowns, nodes, cells, windows(cells, nodes, tie_planes.plane),
+            states.centroid, axes, _to_plane(tie_planes, unknowns, start, states.centroid, axes),
+            variances, unknowns.pseudo_weight(survey.scanner.range_offset_sigma),
+        )  # fmt: skip
 
-    def start(self, x: np.ndarray) -> "State":
+    def start(self, x: np.ndarray, n_processes: int = 1) -> "State":
         """``x`` (u,), the planes fitted under it, and no error of the trajectory."""
         planes = face_states(
             self.tie_planes.rays, self.tie_planes.plane_ranges, self.unknowns, x
         ).plane
         planes[:, 3] -= np.einsum("ga,ga->g", planes[:, :3], self.origin)
-        return State(x, planes, np.zeros((len(self.nodes.time), N_COMPONENTS)))
+        error = np.zeros((len(self.nodes.time), n_processes, N_COMPONENTS))
+        return State(x, planes, error, np.zeros(6), np.zeros((len(self.tie_planes.ranges), 3)))
+
+    def bases(self, planes: np.ndarray) -> np.ndarray:
+        """(G, 4, 3): the directions in which planes (G, 4) can move at unit norm, two turns and d.
+        They follow `axes`, so that a tilt means the same in every iteration."""
+        return _bases(planes, self.axes)
+
+    def view_planes(self, state: "State") -> np.ndarray:
+        """(F, 4): the plane of each view, its surface error applied."""
+        turns = np.einsum("fab,fb->fa", self.to_plane, state.surface)
+        on = self.tie_planes.plane
+        return _turned(state.planes[on], self.bases(state.planes)[on], turns)
 
     def blocks(self, state: "State", settled: float = SETTLED) -> CellBlocks:
         """Normal equations of the conditions at ``state``, cell by cell; ``settled`` m as
         `sightlines.settle` has it."""
+        planes = self.view_planes(state)
+        turns = _bases(planes, self.axes[self.tie_planes.plane])[:, :3, :2]
         return cell_blocks(
-            self.cells, self.origin, state.planes, state.bases()[:, :3, :2], self.unknowns, state.x,
-            state.error, self.variances, self.weight, settled,
+            self.cells, self.origin[self.tie_planes.plane], planes, turns, self.unknowns, state.x,
+            state.correction, self.variances, settled,
         )  # fmt: skip
 
-    def normals(self, state: "State") -> "DataNormals":
+    def normals(self, state: "State", noise: Noise) -> "DataNormals":
         """Normal equations of the conditions alone, at ``state``."""
-        return assemble(self.blocks(state), self.cells, state)
+        return self.assemble(self.blocks(state), noise)
+
+    def assemble(self, blocks: CellBlocks, noise: Noise) -> "DataNormals":
+        """Sum the cells' blocks into place, window by window."""
+        rough, d = noise.roughness_weight, blocks.t.shape[1] - 13
+        parts = (window_normals(w, blocks, self.cells, self.to_plane, rough) for w in self.windows)
+        total = blocks.N[:, d, d] + rough
+        chi2 = blocks.chi2 - np.square(blocks.t[:, d]) / total
+        return DataNormals(tuple(parts), float(chi2.sum()), float(np.log(total / rough).sum()))
+
+    def moved(self, state: "State", step: "Step") -> "State":
+        """``state`` after the corrections of ``step``."""
+        u, constant = len(state.x), len(step.dy) - N_COMPONENTS
+        turns = step.dy[u:constant].reshape(-1, 3)
+        return State(
+            state.x + step.dy[:u], _turned(state.planes, self.bases(state.planes), turns),
+            state.error + step.d_error, state.constant + step.dy[constant:],
+            state.surface + step.d_surface,
+        )  # fmt: skip
+
+
+def _bases(planes: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    n, Z = planes[:, :3], np.zeros((len(planes), 4, 3))
+    Z[:, :3, :2] = axes - n[:, :, None] * np.einsum("ga,gab->gb", n, axes)[:, None]
+    Z[:, 3, 2] = 1.0
+    return Z
+
+
+def _turned(planes: np.ndarray, bases: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """Planes (G, 4) after turns and shifts (G, 3)."""
+    planes = planes + np.einsum("gab,gb->ga", bases, by)
+    planes[:, :3] /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+    return planes
+
+
+def _to_plane(tie_planes, unknowns, x, origin, axes) -> np.ndarray:
+    """An offset along the normal, and tilts about the view's middle in units of its extent."""
+    views = face_states(tie_planes.rays, tie_planes.ranges, unknowns, x)
+    Z = axes[tie_planes.plane]
+    middle = np.einsum("fab,fa->fb", Z, views.centroid - origin[tie_planes.plane])
+    spread = np.einsum("fab,fac,fcb->f", Z, views.scatter, Z) / views.count
+    extent = np.sqrt(np.maximum(spread / 2, 1e-6))
+    T = np.zeros((len(middle), 3, 3))
+    T[:, 2, 0] = 1.0
+    T[:, 0, 1] = T[:, 1, 2] = 1 / extent
+    T[:, 2, 1:] = middle / extent[:, None]
+    return T
 
 
 @dataclass(frozen=True)
 class State:
-    """``x`` (u,), ``planes`` (G, 4) with d from their origins, ``error`` (K, 6) of the nodes: what
-    must be added to the reported poses, m and rad."""
+    """``x`` (u,), ``planes`` (G, 4) with d from their origins; of the poses, what must be added to
+    the reported ones, m and rad: ``error`` (K, P, 6) of nodes and processes, ``constant`` (6,);
+    ``surface`` (F, 3) m of the views."""
 
     x: np.ndarray
     planes: np.ndarray
     error: np.ndarray
+    constant: np.ndarray
+    surface: np.ndarray
 
-    def bases(self) -> np.ndarray:
-        """(G, 4, 3): the directions in which a plane can move at unit norm, two turns and d."""
-        n = self.planes[:, :3]
-        _, _, rows = np.linalg.svd(n[:, None, :])  # rows 1, 2 span what is square to n
-        Z = np.zeros((len(n), 4, 3))
-        Z[:, :3, :2] = rows[:, 1:].transpose(0, 2, 1)
-        Z[:, 3, 2] = 1.0
-        return Z
-
-    def moved(self, dy: np.ndarray, d_error: np.ndarray) -> "State":
-        """After corrections ``dy`` (u + 3 G,) and ``d_error`` (K, 6)."""
-        size = len(self.x)
-        planes = self.planes + np.einsum("gab,gb->ga", self.bases(), dy[size:].reshape(-1, 3))
-        planes[:, :3] /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
-        return State(self.x + dy[:size], planes, self.error + d_error)
+    @property
+    def correction(self) -> np.ndarray:
+        """(K, 6), all parts together."""
+        return self.error.sum(axis=1) + self.constant
 
 
 @dataclass(frozen=True)
 class DataNormals:
-    """Normal equations of the conditions: ``y`` is the unknowns and three of each plane.
+    """Normal equations of the conditions, by window; ``chi2``, and the logarithm of the determinant
+    of what roughness adds to the conditions' noise."""
 
-    ``N_yy`` (Y, Y), ``t_y`` (Y,); ``N_ty`` (K, 6, Y), ``t_t`` (K, 6); diagonal blocks ``D``
-    (K, 6, 6) and those above them ``E`` (K - 1, 6, 6) of the nodes; ``chi2``.
-    """
-
-    N_yy: np.ndarray
-    t_y: np.ndarray
-    N_ty: np.ndarray
-    t_t: np.ndarray
-    D: np.ndarray
-    E: np.ndarray
+    windows: tuple[WindowNormals, ...]
     chi2: float
+    log_det: float
 
     def scaled(self, factor: float) -> "DataNormals":
-        """With all weights multiplied by ``factor``."""
-        return DataNormals(*(factor * part for part in vars(self).values()))
-
-
-def assemble(blocks: CellBlocks, cells: Cells, state: State) -> DataNormals:
-    """Sum the cells' blocks into place."""
-    size, n_nodes = len(state.x) + 3 * len(state.planes), len(state.error)
-    N_yy, t_y = np.zeros((size, size)), np.zeros(size)
-    N_ty, t_t = np.zeros((n_nodes, N_COMPONENTS, size)), np.zeros((n_nodes, N_COMPONENTS))
-    D, E = np.zeros((n_nodes, 6, 6)), np.zeros((n_nodes - 1, 6, 6))
-    add_cells(blocks.N, blocks.t, cells.plane, cells.node, N_yy, t_y, N_ty, t_t, D, E)
-    N_yy += np.triu(N_yy, 1).T
-    D += np.triu(D, 1).transpose(0, 2, 1)
-    return DataNormals(N_yy, t_y, N_ty, t_t, D, E, float(blocks.chi2.sum()))
+        """With all weights, those of roughness too, multiplied by ``factor``."""
+        parts = tuple(part.scaled(factor) for part in self.windows)
+        return DataNormals(parts, factor * self.chi2, self.log_det)
 
 
 @dataclass(frozen=True)
 class Step:
-    """One elimination: corrections, the Schur complement ``S`` (Y, Y) of ``y``, the nodes' factor,
-    their ``coupling`` (K, 6, Y) ``N_tt^-1 N_ty``, and by how much the step lowers the sum of
-    squares, ``decrement``."""
+    """One elimination: corrections ``dy`` (Y,) of x, planes and constants, ``d_error`` (K, P, 6),
+    ``d_surface`` (F, 3); inverse ``Q`` (T, T) of what the windows leave: y, then separators;
+    ``steps`` of the windows and ``where`` (r,) in Q what each leaves is; ``log_det`` of all;
+    ``decrement``: by how much the step lowers the sum of squares."""
 
     dy: np.ndarray
     d_error: np.ndarray
-    S: np.ndarray
-    factor: Factor
-    coupling: np.ndarray
+    d_surface: np.ndarray
+    Q: np.ndarray
+    steps: tuple[WindowStep, ...]
+    where: tuple[np.ndarray, ...]
+    log_det: float
     decrement: float
 
+    @property
+    def Q_y(self) -> np.ndarray:
+        """Covariance (Y, Y) of x, planes and constants."""
+        return self.Q[: len(self.dy), : len(self.dy)]
 
-def eliminate(
-    data: DataNormals, prior: GaussMarkov, time: np.ndarray, state: State, pseudo: np.ndarray
-) -> Step:
-    """Eliminate the nodes, solve for boresight, offsets and planes, and substitute back."""
-    diagonal, beside, _ = prior.information(time)
-    D, E = data.D.copy(), data.E.copy()
-    place = np.arange(N_COMPONENTS)
-    D[:, place, place] += diagonal
-    E[:, place, place] += beside
-    t_t = data.t_t + diagonal * state.error
-    t_t[:-1] += beside * state.error[1:]
-    t_t[1:] += beside * state.error[:-1]
-    factor = factorise(D, E)
-    solved = factor.solve(np.concatenate([data.N_ty, t_t[:, :, None]], axis=2))
-    coupling, alone = solved[:, :, :-1], solved[:, :, -1]
-    u, N_ty = len(state.x), data.N_ty.reshape(t_t.size, -1)
-    S = data.N_yy - N_ty.T @ coupling.reshape(N_ty.shape)
-    t_y = data.t_y.copy()
-    t_y[:u] += pseudo * state.x
-    t = t_y - N_ty.T @ alone.ravel()
-    S[np.arange(u), np.arange(u)] += pseudo
-    S = (S + S.T) / 2
+    @cached_property
+    def S(self) -> np.ndarray:
+        """Schur complement (Y, Y) of x, planes and constants."""
+        S = np.linalg.inv(self.Q_y)
+        return (S + S.T) / 2
+
+    def covariance(self, model: TrajectoryModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Variances (K, P, 6) of the errors, covariances (K - 1, P, 6) with those at the node
+        before, and variances (F, 3) of the surface errors."""
+        variance = np.empty((len(self.d_error), self.d_error[0].size))
+        beside, surface = np.empty((len(variance), variance.shape[1])), self.d_surface.copy()
+        for w, step, where in zip(model.windows, self.steps, self.where, strict=True):
+            (begin, end), at = w.nodes, where[: variance.shape[1]]
+            Q = self.Q[np.ix_(where, where)]
+            variance[begin] = self.Q[at, at]
+            variance[begin + 1 : end], beside[begin:end], surface[w.faces] = step.covariance(Q)
+        shape = self.d_error.shape
+        return variance.reshape(shape), beside[:-1].reshape(-1, *shape[1:]), surface
+
+
+def eliminate(data: DataNormals, model: TrajectoryModel, noise: Noise, state: State) -> Step:
+    """Eliminate window by window, solve for what is left, and substitute back."""
+    u, n_planes, b = len(state.x), len(state.planes), state.error[0].size
+    Y = u + 3 * n_planes + N_COMPONENTS
+    total = Y + b * (len(model.windows) + 1)
+    S, t = np.zeros((total, total)), np.zeros(total)
+    steps, places, log_det, priors = [], [], data.log_det, _node_priors(model, noise, state)
+    for number, (w, part, prior) in enumerate(
+        zip(model.windows, data.windows, priors, strict=True)
+    ):
+        step = eliminate_window(part, prior)
+        where = np.concatenate([
+            Y + b * number + np.arange(2 * b), np.arange(u), Y - N_COMPONENTS + np.arange(6),
+            u + (3 * w.planes[:, None] + np.arange(3)).ravel(),
+        ])  # fmt: skip
+        S[np.ix_(where, where)] += step.S
+        t[where] += step.t
+        log_det += step.log_det
+        steps.append(step)
+        places.append(where)
+    last = np.arange(total - b, total)
+    S[last, last] = 1.0  # after the last window none is
+    own = np.r_[:u, Y - N_COMPONENTS : Y]
+    weight = np.concatenate([model.pseudo_weight, noise.constant_weight])
+    gradient = weight * np.concatenate([state.x, state.constant])
+    S[own, own] += weight
+    t[own] += gradient
     scale = 1 / np.sqrt(np.diag(S))
-    dy = -scale * np.linalg.solve(S * np.outer(scale, scale), scale * t)
-    d_error = -alone - coupling @ dy
-    decrement = -float(t_y @ dy + (t_t * d_error).sum())
-    return Step(dy, d_error, S, factor, coupling, decrement)
+    factor = cho_factor(S * np.outer(scale, scale), lower=True)
+    log_det += 2 * float(np.log(np.diag(factor[0]) / scale).sum())
+    Q = scale[:, None] * cho_solve(factor, np.diag(scale))
+    dz = -Q @ t
+    d_error, d_surface = np.empty((len(state.error), b)), np.empty_like(state.surface)
+    for w, step, where in zip(model.windows, steps, places, strict=True):
+        begin, end = w.nodes
+        d_error[begin] = dz[where[:b]]
+        d_error[begin + 1 : end], d_surface[w.faces] = step.back(dz[where])
+    decrement = -float(gradient @ dz[own])
+    for w, part, prior, where in zip(model.windows, data.windows, priors, places, strict=True):
+        moved = d_error[slice(*w.nodes)]
+        local = np.concatenate([dz[where[2 * b :]], d_surface[w.faces].ravel()])
+        decrement -= float(part.t @ local + (part.t_t * _summed(moved)).sum())
+        decrement -= float((prior.gradient * moved).sum())
+        decrement -= float((prior.surface_gradient * d_surface[w.faces]).sum())
+    return Step(
+        dz[:Y], d_error.reshape(state.error.shape), d_surface, Q, tuple(steps), tuple(places),
+        log_det, decrement,
+    )  # fmt: skip
 
 
-def prior_chi2(prior: GaussMarkov, time: np.ndarray, error: np.ndarray) -> float:
-    """``e' Lambda e`` of node errors (K, 6)."""
-    diagonal, beside, _ = prior.information(time)
-    return float((diagonal * error**2).sum() + 2 * (beside * error[1:] * error[:-1]).sum())
+def _summed(by_process: np.ndarray) -> np.ndarray:
+    """(K, 6) of (K, 6 P)."""
+    return by_process.reshape(len(by_process), -1, N_COMPONENTS).sum(axis=1)
+
+
+def _node_priors(model: TrajectoryModel, noise: Noise, state: State) -> list[NodePrior]:
+    time = model.nodes.time
+    information = [process.information(time) for process in noise.processes]
+    diagonal = np.concatenate([part[0] for part in information], axis=1)
+    beside = np.concatenate([part[1] for part in information], axis=1)
+    error = state.error.reshape(len(time), -1)
+    gradient = diagonal * error
+    gradient[:-1] += beside * error[1:]
+    gradient[1:] += beside * error[:-1]
+    beside = np.concatenate([beside, np.zeros_like(diagonal[:1])])
+    surface = noise.surface_weight
+    return [
+        NodePrior(
+            diagonal[begin:end], beside[begin : end - 1], beside[end - 1], gradient[begin:end],
+            surface, surface * state.surface[w.faces],
+        )
+        for w in model.windows
+        for begin, end in [w.nodes]
+    ]  # fmt: skip
+
+
+def prior_chi2(model: TrajectoryModel, noise: Noise, state: State) -> float:
+    """Weighted squares of everything that has a prior."""
+    total = float(model.pseudo_weight @ np.square(state.x))
+    total += float(noise.constant_weight @ np.square(state.constant))
+    total += noise.surface_weight * float(np.square(state.surface).sum())
+    for k, process in enumerate(noise.processes):
+        diagonal, beside, _ = process.information(model.nodes.time)
+        e = state.error[:, k]
+        total += float((diagonal * e**2).sum() + 2 * (beside * e[1:] * e[:-1]).sum())
+    return total
 
 
 @dataclass(frozen=True)
 class Solution:
     """``state`` after ``iterations``, the last ``step`` to it, and from where that was taken the
-    normal equations, ``data``, with their ``blocks``."""
+    normal equations, ``data``, made of ``blocks``."""
 
     state: State
     step: Step
@@ -217,16 +389,24 @@ class Solution:
     iterations: int
 
 
-def iterate(model: TrajectoryModel, prior: GaussMarkov, state: State) -> Solution:
-    """Gauss-Newton from ``state``; raises `NoConvergence`."""
+def iterate(
+    model: TrajectoryModel, noise: Noise, state: State, least: float = LEAST_DECREMENT
+) -> Solution:
+    """Gauss-Newton from ``state``, until a step is tiny or lowers the sum of squares by less than
+    ``least``; raises `NoConvergence`."""
     iterations = Iterations()
-    while not iterations.converged:
+    settled = False
+    while not settled:
         blocks = model.blocks(state, iterations.settled)
-        data = assemble(blocks, model.cells, state)
-        step = eliminate(data, prior, model.nodes.time, state, model.pseudo_weight)
-        state = state.moved(step.dy, step.d_error)
+        data = model.assemble(blocks, noise)
+        step = eliminate(data, model, noise, state)
+        state = model.moved(state, step)
+        final = iterations.settled == SETTLED
         iterations.take(step.dy, step.d_error)
-        if iterations.too_many:
+        if step.decrement < least:
+            iterations.settled = SETTLED
+        settled = iterations.converged or (step.decrement < least and (final or least > 1e-6))
+        if iterations.made >= MAX_ITERATIONS and not settled:
             raise NoConvergence(
                 f"scenario D: no convergence after {MAX_ITERATIONS} iterations, last correction "
                 f"{iterations.change:.2e} (limit {TOLERANCE:.0e}); look for wrong matches"

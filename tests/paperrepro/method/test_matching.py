@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from data_synth import make_config, simulate
+from data_synth import make_config
 from data_synth.evaluation import faces_in_strip, judge_views, recall
-from paperrepro._cache import cached
 from paperrepro.errors import TooFewPlanes
-from paperrepro.method.coarse_to_fine import find_candidates
 from paperrepro.method.georeference import georeference
 from paperrepro.method.matching import FacePair, MatchParameters, connected_faces, match
 from paperrepro.method.roofs import Face, Gable, RoofParameters, Roofs, extract
+from paperrepro.study.simulated import SimulatedSurvey
 
 FINE, COARSE = MatchParameters.fine(), MatchParameters.coarse()
 
@@ -190,8 +189,8 @@ class Flight:
     """A simulated survey; its candidates come, as in practice, from the mounting as known."""
 
     def __init__(self, **config):
-        self.survey, self.truth = cached(simulate, make_config(**config))
-        self.points = cached(find_candidates, self.survey)
+        flown = SimulatedSurvey(make_config(**config), kept=True)
+        self.survey, self.truth, self.points = flown.survey, flown.truth, flown.points
 
     def tie_planes(self, boresight, roofs, matching, fan_deg=90.0):
         """Truth's labels (P, 2) of the faces paired in one pass under ``boresight`` (3,) rad."""

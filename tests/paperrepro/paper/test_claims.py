@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from paperrepro.method.adjustment.trajectory_equations import AXES
-from paperrepro.paper import claims, published
+from paperrepro.paper import claims, published, tables
 from paperrepro.paper.published import Published
 from paperrepro.paper.verdicts import CONDITIONS, FAILS, HOLDS, UNTESTED, VERDICTS
 from paperrepro.study.rows import (
@@ -381,7 +381,7 @@ def test_intervals():
 
 def test_the_summary_counts_all_and_shows_the_headlines():
     ledger = claims.ledger(study(presets=("mount", "table4"), scales=(1.0, 2.0)))
-    text = claims.markdown_summary(ledger)
+    text = tables.markdown_summary(ledger)
     rows = [part for part in text.splitlines() if part.startswith("| ")][1:]
     assert text.startswith(f"{len(ledger)} claims: ")
     assert len(rows) == len(claims.HEADLINES)
@@ -392,10 +392,10 @@ def test_the_summary_counts_all_and_shows_the_headlines():
 def test_text_between_markers_is_replaced_and_nothing_else(tmp_path):
     path = tmp_path / "README.md"
     path.write_text("a\n<!-- claims:begin -->\nold\n<!-- claims:end -->\nb\n", encoding="utf-8")
-    assert claims.update_between_markers(path, "claims", "new\n")
+    assert tables.update_between_markers(path, "claims", "new\n")
     assert path.read_text(encoding="utf-8") == (
         "a\n<!-- claims:begin -->\nnew\n<!-- claims:end -->\nb\n"
     )
-    assert not claims.update_between_markers(path, "claims", "new\n")
+    assert not tables.update_between_markers(path, "claims", "new\n")
     with pytest.raises(ValueError, match="other:begin"):
-        claims.update_between_markers(path, "other", "new")
+        tables.update_between_markers(path, "other", "new")

@@ -9,10 +9,10 @@ import pytest
 from paperrepro.cli import main
 from paperrepro.errors import BadInput
 from paperrepro.study.grid import Fingerprint, points, read_grid
+from paperrepro.study.jobs import NotebookJob, OtherVersion
 from paperrepro.study.notebooks import declared, without_outputs
 from paperrepro.study.rows import COLUMNS
 from paperrepro.study.store import Store
-from paperrepro.study.workers import OtherVersion, require_version
 from tests.paperrepro.study.sweeping import (
     MEASURES,
     METRICS,
@@ -122,7 +122,7 @@ def test_a_run_is_the_same_however_it_is_asked_for(known):
 
 def test_code_makes_another_fingerprint_and_prose_does_not(tmp_path):
     def of(**changes):
-        return Fingerprint.of(write_notebook(tmp_path / "n.ipynb", **changes).read_text())
+        return Fingerprint.of_notebook(write_notebook(tmp_path / "n.ipynb", **changes).read_text())
 
     assert of() == of(about="Other words")
     assert of().differs_in(of(source=MEASURES + "x = 1")) == "notebook"
@@ -132,11 +132,12 @@ def test_code_makes_another_fingerprint_and_prose_does_not(tmp_path):
 
 def test_a_worker_of_another_version_is_refused_by_name(notebook):
     text = notebook.read_text()
-    asked = Fingerprint.of(text)
-    require_version(text, asked)
+    asked = Fingerprint.of_notebook(text)
+    NotebookJob(asked, text).require_version()
     versions = {**dict(asked.packages), "numpy": "1.0"}
+    other = NotebookJob(Fingerprint(asked.notebook, asked.code, tuple(versions.items())), text)
     with pytest.raises(OtherVersion, match=r"numpy .* instead of 1.0; install"):
-        require_version(text, Fingerprint(asked.notebook, asked.code, tuple(versions.items())))
+        other.require_version()
 
 
 def test_what_a_notebook_has_shown_does_not_travel(notebook):
@@ -144,7 +145,8 @@ def test_what_a_notebook_has_shown_does_not_travel(notebook):
     book.cells[2].outputs = [nbformat.v4.new_output("stream", text="shown before")]
     nbformat.write(book, notebook)
     assert "shown before" not in without_outputs(notebook)
-    assert Fingerprint.of(without_outputs(notebook)) == Fingerprint.of(notebook.read_text())
+    of = Fingerprint.of_notebook
+    assert of(without_outputs(notebook)) == of(notebook.read_text())
 
 
 # The store

@@ -9,14 +9,14 @@ from tests.paperrepro.method.adjustment import dense
 
 FREE = [
     SCENARIOS["SL"],
-    Scenario("common offset", "common", free_planes=True, points=True, centroids=False),
-    Scenario("offsets", "per_ring", free_planes=True, points=True, centroids=False),
+    Scenario("common offset", "common", free_planes=True, points=None, centroids=False),
+    Scenario("offsets", "per_ring", free_planes=True, points=None, centroids=False),
     SCENARIOS["C"],
 ]
 REFERENCE = [
     SCENARIOS["A"],
     SCENARIOS["B"],
-    Scenario("points", "none", free_planes=False, points=True, centroids=False),
+    Scenario("points", "none", free_planes=False, points=None, centroids=False),
 ]
 OFFSETS = np.random.default_rng(9).normal(0, 0.02, 16)
 

@@ -56,7 +56,7 @@ def test_points_without_noise_return_the_planes(scenario):
 
 
 def test_a_common_offset_is_found_where_every_ring_has_the_same():
-    scenario = Scenario("common", "common", free_planes=True, points=True, centroids=False)
+    scenario = Scenario("common", "common", free_planes=True, points=None, centroids=False)
     tie_planes, _, _ = matched_faces(offsets=np.full(16, 0.025), count=40)
     result = calibrate(survey_of(scanner=UNPULLED), tie_planes, scenario)
     np.testing.assert_allclose(result.range_offsets, 0.025, rtol=0, atol=1e-9)

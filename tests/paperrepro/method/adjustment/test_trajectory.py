@@ -7,13 +7,23 @@ import pytest
 from scipy import stats
 
 from paperrepro.errors import BadInput
-from paperrepro.method.adjustment.quality import estimate
 from paperrepro.method.adjustment.scenarios import calibrate as calibrate_paper
+from paperrepro.method.adjustment.trajectory_components import Likelihood, VarianceComponents
+from paperrepro.method.adjustment.trajectory_equations import Cells, GaussMarkov
 from paperrepro.method.adjustment.trajectory_errors import (
     calibrate_with_trajectory,
+    find_noise,
     specified_process,
 )
-from paperrepro.method.adjustment.trajectory_solver import TrajectoryModel, eliminate, iterate
+from paperrepro.method.adjustment.trajectory_solver import (
+    Noise,
+    State,
+    TrajectoryModel,
+    _turned,
+    eliminate,
+    iterate,
+)
+from paperrepro.method.adjustment.trajectory_windows import windows
 from paperrepro.method.georeference import georeference
 from paperrepro.survey import Mounting
 from tests.paperrepro.labelled import (
@@ -42,71 +52,221 @@ def nees(result, truth):
     return error @ np.linalg.solve(result.covariance[:3, :3], error)
 
 
-def dense_normals(model, prior, state):
-    """Normal equations of y and all nodes by differences of the conditions, nothing eliminated."""
-    size, K = len(state.x) + 3 * len(state.planes), len(state.error)
+PROCESSES = (
+    specified_process(NAVIGATION),
+    GaussMarkov(0.3 * specified_process(NAVIGATION).sigma, np.full(6, 4.0)),
+)
+CONSTANT = np.r_[0.01, 0.01, 0.02, np.deg2rad([0.01, 0.01, 0.03])]
+NOISE = Noise(PROCESSES, CONSTANT, surface=0.004, roughness=0.003)
 
+
+def dense_normals(model, noise, state):
+    """Normal equations of everything by differences of the conditions, nothing eliminated:
+    x, planes, constants, then nodes with all processes, surface errors and one offset a cell."""
+    u, G, F, K, P = (
+        len(state.x), len(state.planes), len(state.surface), len(state.error), len(noise.processes),
+    )  # fmt: skip
+    sizes = [u, 3 * G, 6, 6 * K * P, 3 * F, len(model.cells.ranges)]
+    ends = np.cumsum(sizes)
     cells, sorted_rays = model.cells, model.tie_planes.rays.take(model.cells.order)
     cell = np.repeat(np.arange(len(cells.ranges)), np.diff(cells.ranges, axis=1)[:, 0])
+    pose_rate = cells.rate if len(cells.rate) else np.zeros((len(cell), 6))
 
     def conditions(z, rho):
-        moved = state.moved(z[:size], z[size:].reshape(K, 6))
-        before, share = moved.error[cells.node[cell]], cells.share[:, None]
+        x, planes, constant, error, surface, rough = np.split(z, ends[:-1])
+        moved = State(
+            state.x + x,
+            _turned(state.planes, model.bases(state.planes), planes.reshape(-1, 3)),
+            state.error + error.reshape(state.error.shape), state.constant + constant,
+            state.surface + surface.reshape(-1, 3),
+        )  # fmt: skip
+        before, share = moved.correction[cells.node[cell]], cells.share[:, None]
         pose = sorted_rays.pose + (1 - share) * before
-        pose = pose + share * moved.error[cells.node[cell] + 1]
-        mounting = Mounting(lever_arm=LEVER_ARM, boresight=moved.x[:3], range_offsets=moved.x[3:])
-        rays = replace(sorted_rays, pose=pose, rho=rho)
-        p = georeference(rays, mounting) - model.origin[cells.plane[cell]]
-        plane = moved.planes[cells.plane[cell]]
-        return np.einsum("na,na->n", p, plane[:, :3]) - plane[:, 3]
+        pose = pose + share * moved.correction[cells.node[cell] + 1]
+        pose = pose + model.unknowns.clock_delay(moved.x) * pose_rate
+        offsets = moved.x[3 : model.unknowns.kept]
+        mounting = Mounting(lever_arm=LEVER_ARM, boresight=moved.x[:3], range_offsets=offsets)
+        p = georeference(replace(sorted_rays, pose=pose, rho=rho), mounting)
+        plane, face = model.view_planes(moved)[cells.face[cell]], cells.face[cell]
+        p = p - model.origin[model.tie_planes.plane[face]]
+        return np.einsum("na,na->n", p, plane[:, :3]) - plane[:, 3] - rough[cell]
 
     # ranges are the only observations: adjusted, they put each point on its plane
-    h, here, rho = 1e-6, np.zeros(size + 6 * K), sorted_rays.rho
+    h, here, rho = 1e-6, np.zeros(ends[-1]), sorted_rays.rho
     w = conditions(here, rho)
     B = (conditions(here, rho + h) - conditions(here, rho - h)) / (2 * h)
     rho = rho - w / B
-    columns = np.eye(size + 6 * K)
     A = np.column_stack(
-        [(conditions(h * e, rho) - conditions(-h * e, rho)) / (2 * h) for e in columns]
+        [(conditions(h * e, rho) - conditions(-h * e, rho)) / (2 * h) for e in np.eye(ends[-1])]
     )
     weight = 1 / np.square(B * SCANNER.range_sigma)
     N, t = A.T @ (weight[:, None] * A), A.T @ (weight * w)
-    diagonal, beside, _ = prior.information(model.nodes.time)
-    for k in range(K):
-        here = size + 6 * k + COMPONENTS
-        N[here, here] += diagonal[k]
-        t[here] += diagonal[k] * state.error[k]
-        if k + 1 < K:
-            N[here, here + 6] += beside[k]
-            N[here + 6, here] += beside[k]
-            t[here] += beside[k] * state.error[k + 1]
-            t[here + 6] += beside[k] * state.error[k]
-    u = len(state.x)
-    N[np.arange(u), np.arange(u)] += model.pseudo_weight
-    t[:u] += model.pseudo_weight * state.x
-    return N, t, size
+    L = dense_prior(model, noise, K, F, ends)
+    values = np.concatenate(
+        [state.x, np.zeros(3 * G), state.constant, state.error.ravel(), state.surface.ravel(),
+         np.zeros(sizes[-1])]
+    )  # fmt: skip
+    return N + L, t + L @ values, ends, float(w @ (weight * w))
 
 
-def test_elimination_equals_the_dense_system():
+def dense_prior(model, noise, K, F, ends):
+    L = np.zeros((ends[-1], ends[-1]))
+    u = ends[0]
+    L[:u, :u] = np.diag(model.pseudo_weight)
+    L[ends[1] : ends[2], ends[1] : ends[2]] = np.diag(noise.constant_weight)
+    for p, process in enumerate(noise.processes):
+        lag = np.abs(model.nodes.time[:, None] - model.nodes.time)
+        for c in COMPONENTS:
+            covariance = process.sigma[c] ** 2 * np.exp(-lag / process.correlation_time[c])
+            at = ends[2] + 6 * (len(noise.processes) * np.arange(K) + p) + c
+            L[np.ix_(at, at)] = np.linalg.inv(covariance)
+    for first, last, weight in (
+        (ends[3], ends[4], noise.surface_weight), (ends[4], ends[5], noise.roughness_weight),
+    ):  # fmt: skip
+        L[first:last, first:last] = weight * np.eye(last - first)
+    return L
+
+
+@pytest.fixture(scope="module")
+def small():
+    """A model with all that can be unknown, and a state off its solution."""
     # encoder noise off: a dense row then has the range's variance alone
     survey = survey_of(scanner=replace(SCANNER, angle_sigma=0.0))
     tie_planes, _ = flown(3, count=15, n_roofs=3)
     model = TrajectoryModel.prepare(survey, tie_planes, "per_ring", 2.0)
-    prior = specified_process(NAVIGATION)
-    state = iterate(model, prior, model.start(model.unknowns.start())).state
-    state = replace(state, x=state.x + 1e-5)  # away from the solution: a step that is not zero
-    step = eliminate(model.normals(state), prior, model.nodes.time, state, model.pseudo_weight)
-    N, t, size = dense_normals(model, prior, state)
-    solution, Q = -np.linalg.solve(N, t), np.linalg.inv(N)
-    sigma = np.sqrt(np.diag(Q))
-    correlation = Q / np.outer(sigma, sigma)
-    # differences of 1e-6 leave seven digits
-    np.testing.assert_allclose(step.dy / sigma[:size], solution[:size] / sigma[:size], atol=1e-5)
-    np.testing.assert_allclose(
-        step.d_error.ravel() / sigma[size:], solution[size:] / sigma[size:], atol=1e-5
+    rate = np.random.default_rng(0).normal(
+        0, [4, 4, 1, 0.05, 0.05, 0.02], (len(tie_planes.rays), 6)
     )
-    ours = np.linalg.inv(step.S) / np.outer(sigma[:size], sigma[:size])
-    np.testing.assert_allclose(ours, correlation[:size, :size], atol=1e-5)
+    unknowns = replace(model.unknowns, clock=True)
+    model = replace(
+        model, unknowns=unknowns, cells=Cells.of(tie_planes, model.nodes, rate),
+        pseudo_weight=unknowns.pseudo_weight(SCANNER.range_offset_sigma),
+    )  # fmt: skip
+    model = replace(model, windows=windows(model.cells, model.nodes, tie_planes.plane, least=3))
+    state = iterate(model, NOISE, model.start(unknowns.start(), 2)).state
+    return model, replace(state, x=state.x + 1e-5, constant=state.constant + 1e-4)
+
+
+def test_windows_are_cut_where_no_view_is(small):
+    model, _ = small
+    assert len(model.windows) > 1
+    assert sorted(np.concatenate([w.cells for w in model.windows])) == list(
+        range(len(model.cells.ranges))
+    )
+    faces = np.concatenate([w.faces for w in model.windows])
+    assert len(np.unique(faces)) == len(faces)
+
+
+def test_elimination_equals_the_dense_system(small):
+    model, state = small
+    data = model.normals(state, NOISE)
+    step = eliminate(data, model, NOISE, state)
+    N, t, ends, chi2 = dense_normals(model, NOISE, state)
+    solution, Q = -np.linalg.solve(N, t), np.linalg.inv(N)
+    sigma, size = np.sqrt(np.diag(Q)), ends[2]
+    ours = np.concatenate([step.dy, step.d_error.ravel(), step.d_surface.ravel()])
+    known = sigma[: ends[4]]
+    # differences of 1e-6 leave seven digits
+    np.testing.assert_allclose(ours / known, solution[: ends[4]] / known, atol=1e-4)
+    outer = np.outer(sigma[:size], sigma[:size])
+    np.testing.assert_allclose(step.Q_y / outer, Q[:size, :size] / outer, atol=1e-4)
+    variance, beside, surface = step.covariance(model)
+    K, P = variance.shape[:2]
+    of_nodes = np.diag(Q)[size : ends[3]].reshape(K, P, 6)
+    np.testing.assert_allclose(variance, of_nodes, rtol=1e-4)
+    at = np.arange(size, ends[3]).reshape(K, P, 6)
+    np.testing.assert_allclose(beside, Q[at[:-1], at[1:]], rtol=1e-3, atol=1e-4 * of_nodes.max())
+    np.testing.assert_allclose(surface.ravel(), np.diag(Q)[ends[3] : ends[4]], rtol=1e-4)
+    # determinant, and by how much the sum of squares falls
+    rough = (ends[5] - ends[4]) * np.log(NOISE.roughness_weight)
+    assert step.log_det == pytest.approx(np.linalg.slogdet(N)[1] - rough, abs=1e-3)
+    fall = t @ np.linalg.solve(N, t) - (chi2 - data.chi2)
+    assert step.decrement == pytest.approx(fall, rel=1e-4)
+
+
+def test_gradient_of_the_likelihood_is_that_of_its_values(small):
+    model, state = small
+    specified = specified_process(NAVIGATION)
+    middle = VarianceComponents().logs
+    likelihood = Likelihood(model, specified, state, model.blocks(state), 1.0).at(middle[-1])
+    logs = middle + np.random.default_rng(1).normal(0, 0.2, len(middle))
+    logs[-1] = middle[-1]
+    _, gradient = likelihood(logs)
+    for k in range(len(logs) - 1):
+        h = 1e-4 * (np.arange(len(logs)) == k)
+        slope = (likelihood(logs + h)[0] - likelihood(logs - h)[0]) / 2e-4
+        assert gradient[k] == pytest.approx(slope, rel=1e-3, abs=0.02)
+
+
+def test_flat_roofs_have_no_surface_error_and_the_model_costs_nothing():
+    surface, rough, ratio = [], [], []
+    for seed in range(4):
+        tie_planes, _ = flown(seed, count=80)
+        found = find_noise(survey_of(), tie_planes, np.zeros(3))
+        surface.append(found.components.surface)
+        rough.append(found.components.roughness)
+        model = TrajectoryModel.prepare(survey_of(), tie_planes, "per_ring", 0.5)
+        state = model.start(model.unknowns.start())
+        flat = Noise((specified_process(NAVIGATION),), np.zeros(6), 0.0)
+        bumpy = replace(flat, surface=surface[-1], roughness=rough[-1])
+        sigma = [
+            np.sqrt(np.diag(eliminate(model.normals(state, noise), model, noise, state).Q)[:3])
+            for noise in (flat, bumpy)
+        ]
+        ratio.append(sigma[1] / sigma[0])
+    assert np.max(surface) < 0.002
+    assert np.mean(ratio) < 1.03
+
+
+def test_surface_errors_are_found_as_large_as_they_are():
+    found = []
+    for seed in range(4):
+        tie_planes, truth = flown(seed, count=80)
+        bumpy = with_surface_errors(tie_planes, truth, np.random.default_rng(seed), 0.015)
+        found.append(find_noise(survey_of(), bumpy, truth.boresight).components.surface)
+    assert np.mean(found) == pytest.approx(0.015, rel=0.25)
+
+
+def with_surface_errors(tie_planes, truth, rng, sigma):
+    """Each view moved by an offset and two tilts, by its ranges."""
+    rays = tie_planes.rays
+    p = georeference(rays, truth)
+    per_metre = georeference(replace(rays, rho=rays.rho + 1.0), truth) - p
+    rho = rays.rho.copy()
+    for rows in (slice(*view) for view in tie_planes.ranges):
+        about = p[rows] - p[rows].mean(axis=0)
+        _, spread, axes = np.linalg.svd(about, full_matrices=False)
+        extent = np.sqrt(np.square(spread[:2]).sum() / len(about) / 2)
+        offset, *tilts = rng.normal(0, sigma, 3)
+        moved = offset + about @ axes[:2].T @ tilts / extent
+        rho[rows] += moved / (per_metre[rows] @ axes[2])
+    return replace(tie_planes, rays=replace(rays, rho=rho))
+
+
+def test_a_late_clock_is_found():
+    tie_planes, truth = flown(2, count=80)
+    rate = np.random.default_rng(5).normal(0, [4, 4, 1, 0.3, 0.3, 0.1], (len(tie_planes.rays), 6))
+    rays = replace(tie_planes.rays, pose=tie_planes.rays.pose - 0.005 * rate)
+    late = replace(tie_planes, rays=rays)
+    survey = replace(survey_of(), trajectory=Rated(rays, rate))
+    found = find_noise(survey, late, truth.boresight)
+    clock = calibrate_with_trajectory(survey, late, found=found, near=truth.boresight).clock
+    assert clock.delay == pytest.approx(0.005, abs=4 * clock.sigma)
+    assert clock.sigma < 0.0005
+
+
+class Rated:
+    """A trajectory whose rates are given, point by point."""
+
+    def __init__(self, rays, rate):
+        self.rays, self.values = rays, rate
+        self.time = np.array([rays.time.min() - 1, rays.time.max() + 1])
+
+    def rate(self, time):
+        return self.values
+
+    def at(self, time):
+        return self.rays.pose + (time - self.rays.time)[:, None] * self.values
 
 
 def test_without_noise_as_exact_as_the_others():
@@ -156,15 +316,38 @@ def test_sigma_grow_with_the_noise():
 def test_variance_components_correct_a_prior_wrong_by_two():
     found = []
     for seed in range(6):
-        tie_planes, _ = flown(seed, scale=0.5)
-        model = TrajectoryModel.prepare(survey_of(), tie_planes, "per_ring", 0.5)
-        start = model.start(model.unknowns.start())
-        components, _ = estimate(model, specified_process(NAVIGATION), start)
-        found.append([components.range, components.position, components.attitude])
+        tie_planes, truth = flown(seed, scale=0.5)
+        components = find_noise(survey_of(), tie_planes, truth.boresight).components
+        found.append([components.range, *components.sigma])
     middle = np.exp(np.log(found).mean(axis=0))
     assert middle[0] == pytest.approx(1.0, abs=0.03)
     # the prior draws towards 1, four lines of half a minute hold few independent errors
-    assert (np.abs(np.log(middle[1:] / 0.5)) < np.log(1.4)).all()
+    assert (np.abs(np.log(middle[1:] / 0.5)) < np.log(1.5)).all()
+
+
+def test_what_the_components_leave_open_widens_sigma():
+    tie_planes, truth = flown(1)
+    found = find_noise(survey_of(), tie_planes, truth.boresight)
+    assert (np.linalg.eigvalsh(found.open) >= -1e-18).all()
+    told = replace(found, open=np.zeros((3, 3)))
+    wide, narrow = (
+        calibrate_with_trajectory(survey_of(), tie_planes, found=f, near=truth.boresight)
+        for f in (found, told)
+    )
+    assert (wide.sigma > narrow.sigma).all()
+    np.testing.assert_array_equal(wide.boresight, narrow.boresight)
+
+
+def test_constants_are_what_the_processes_leave_of_the_specification():
+    specified = specified_process(NAVIGATION)
+    quiet = VarianceComponents(
+        VarianceComponents().logs - np.log(5) * np.isin(np.arange(15), range(2, 6))
+    )
+    left = quiet.constant(specified)
+    assert (left[:3] == 0).all()
+    expected = specified.sigma[3:] * np.sqrt(1 - 0.04 - 0.04)
+    np.testing.assert_allclose(left[3:], expected)
+    assert not VarianceComponents().constant(specified).any()
 
 
 def test_trajectory_errors_are_found(noisy):

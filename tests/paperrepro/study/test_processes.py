@@ -1,4 +1,4 @@
-"""Sweeps whose processes are killed, stopped, or belong to somebody else's scheduler."""
+"""Sweeps and studies whose processes are killed, stopped, or belong to another's scheduler."""
 
 import os
 import re
@@ -12,10 +12,12 @@ from pathlib import Path
 import pandas as pd
 import psutil
 import pytest
+from dask.distributed import Client, Security
 
 from paperrepro.cli import main
 from paperrepro.study import workers
 from tests.paperrepro.study.sweeping import (
+    MEASURES,
     arguments,
     begun,
     expected_keys,
@@ -41,12 +43,12 @@ def sweep(tmp_path):
 
 
 @contextmanager
-def started(command, text=False):
+def started(command, text=False, env=None):
     """A process in a group of its own, as a shell starts it in the foreground: it heeds SIGINT even
     where these tests, started in the background, were told not to. Ended with all it started."""
     pipe = subprocess.PIPE if text else subprocess.DEVNULL
     process = subprocess.Popen(
-        command, start_new_session=True, text=True, stdout=pipe, stderr=pipe,
+        command, start_new_session=True, text=True, stdout=pipe, stderr=pipe, env=env,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
     try:
@@ -122,26 +124,26 @@ def test_a_sweep_that_is_killed_goes_on_with_what_is_missing(sweep, tmp_path):
     assert keys_of(rows_of(tmp_path / "out")) == expected_keys(NOISES.split(","), SEEDS)
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_stopped_it_ends_cleanly_and_says_how_to_go_on(sweep, tmp_path, how):
     with started(paperrepro([*sweep, "--workers", "2"]), text=True) as process:
         until(lambda: len(finished(tmp_path)) >= 2, process)
         processes = family(process)
         # a terminal sends Ctrl-C to the whole group, a cluster its signal to the job
-        (os.killpg if how == signal.SIGINT else os.kill)(process.pid, how)
+        (os.kill if how == signal.SIGTERM else os.killpg)(process.pid, how)
         out, err = process.communicate(timeout=PATIENCE_S)
         assert all_gone(processes), "workers or kernels outlive the sweep"
     kept = len(finished(tmp_path))
-    assert process.returncode == 1
+    assert process.returncode == 130
     assert "Traceback" not in err, err
     assert f"{kept} of {RUNS} runs" in out
-    assert "stopped; the same command goes on" in out
+    assert "stopped (interrupted); the same command goes on" in err
     assert 2 <= kept < RUNS
     assert len(rows_of(tmp_path / "out")) == len(expected_keys("0", 1)) * kept
 
 
 @contextmanager
-def scheduler(folder, workers):
+def scheduler(folder, workers, *more):
     """A Dask scheduler and so many workers, each a process that knows only its address."""
     dask = Path(sys.executable).with_name("dask")
     with ExitStack() as stack:
@@ -150,7 +152,7 @@ def scheduler(folder, workers):
         stack.enter_context(started([*command, "--scheduler-file", address]))
         until(address.exists)
         found = re.search(r"tcp://[\d.:]+", address.read_text())[0]
-        command = [dask, "worker", found, "--nthreads", "1", "--no-dashboard"]
+        command = [dask, "worker", found, "--nthreads", "1", "--no-dashboard", *more]
         places = [folder / f"worker{k}" for k in range(workers)]
         processes = [
             stack.enter_context(started([*command, "--local-directory", place])) for place in places
@@ -194,3 +196,97 @@ def test_a_kernel_that_dies_is_a_failure_of_its_run_alone(tmp_path):
     assert re.search(r"failed: .*noise_scale=99.0.*: DeadKernelError", done.stderr)
     rows = rows_of(tmp_path / "out")
     assert keys_of(rows[rows.metric != "failed"]) == expected_keys("1", 1)
+
+
+def test_a_scheduler_without_workers_is_waited_for_with_words_and_a_limit(sweep, tmp_path):
+    with scheduler(tmp_path, 0) as (address, _):
+        command = paperrepro([*sweep, "--scheduler", address, "--wait", "2"])
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 2
+    assert "no worker has joined yet; waiting up to 2 s" in done.stdout
+    (line,) = done.stderr.splitlines()
+    assert f"dask worker {address}" in line
+
+
+def test_a_scheduler_that_is_killed_is_said_in_a_line(sweep, tmp_path):
+    with scheduler(tmp_path, 1) as (address, _):
+        command = paperrepro([*sweep, "--scheduler", address])
+        with started(command, text=True) as process:
+            until(lambda: len(finished(tmp_path)) >= 1, process)
+            pid = int(re.search(r'"pid": (\d+)', (tmp_path / "scheduler.json").read_text())[1])
+            os.kill(pid, signal.SIGKILL)
+            out, err = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 1
+    assert "stopped (the scheduler is gone); the same command goes on" in err
+    assert "failed" not in err.replace("0 failed", "")
+    kept = len(finished(tmp_path))
+    assert f"{kept} of {RUNS} runs" in out
+    assert not (tmp_path / "out" / "failed.csv").exists()
+
+
+def test_workers_that_are_gone_for_good_end_the_sweep(sweep, tmp_path):
+    with scheduler(tmp_path, 1) as (address, (worker,)):
+        command = paperrepro([*sweep, "--scheduler", address, "--wait", "3"])
+        with started(command, text=True) as process:
+            until(lambda: len(finished(tmp_path)) >= 1, process)
+            for one in family(worker):
+                one.kill()
+            _, err = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 1
+    assert "all workers are gone since 3 s" in err
+
+
+def test_a_run_that_eats_memory_or_talks_too_much_harms_itself_alone(tmp_path):
+    """A worker has a share of the machine's memory, here 400 MB."""
+    source = """
+if noise_scale == 50:
+    hoard = bytearray(2**30)
+    hoard[:: 4096] = b"x" * len(hoard[:: 4096])
+    import time; time.sleep(20)
+if noise_scale == 60:
+    print("word " * 1_000_000)
+"""
+    notebook = write_notebook(tmp_path / "standin.ipynb", source + MEASURES)
+    with scheduler(tmp_path, 1, "--memory-limit", "400MB") as (address, _):
+        more = ["--scheduler", address]
+        command = arguments(notebook, tmp_path / "out", *more, noise="50,60,1", seeds=1)
+        done = subprocess.run(paperrepro(command), capture_output=True, text=True)
+    assert done.returncode == 1
+    (line,) = (line for line in done.stderr.splitlines() if line.startswith("failed"))
+    assert "noise_scale=50.0" in line
+    assert "it took more than the 0.4 GiB of its worker" in line
+    rows = rows_of(tmp_path / "out")
+    assert keys_of(rows[rows.metric != "failed"]) == expected_keys(["1", "60"], 1)
+    (talker,) = (tmp_path / "out" / "runs").glob("*noise_scale-60.0*.ipynb")
+    assert talker.stat().st_size < 100_000
+    assert "characters more" in talker.read_text()
+
+
+def test_workers_on_this_machine_do_not_talk_to_strangers():
+    with workers.cluster(workers=1) as client:
+        address = client.scheduler.address
+        assert address.startswith("tls://127.0.0.1:")
+        with pytest.raises((OSError, TimeoutError)):
+            Client(address.replace("tls", "tcp"), timeout=2)
+        with pytest.raises((OSError, TimeoutError, TypeError, RuntimeError)):
+            Client(address, timeout=2, security=Security.temporary())
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("moment", ["start", "middle"])
+def test_a_study_that_is_ended_leaves_no_process_and_goes_on(tmp_path, how, moment):
+    """Of surveys in no time, by workers of its own."""
+    environment = {**os.environ, "PAPERREPRO_CACHE": str(tmp_path / "cache")}
+    study = paperrepro(["study", "--seeds", "2", "--noise-scale", "1", "--preset", "mount",
+                        "--workers", "1", "--out", str(tmp_path / "study.csv")])  # fmt: skip
+    with started(study, env=environment) as process:
+        if moment == "middle":
+            until(lambda: len(family(process)) > 2, process)
+        time.sleep(1.0)
+        processes = family(process)
+        os.kill(process.pid, how)
+        code = process.wait(timeout=PATIENCE_S)
+        assert all_gone(processes), "workers outlive the study"
+    assert code == (130 if how == signal.SIGTERM else -signal.SIGKILL)
+    assert not (tmp_path / "study.csv").exists()
+    assert not list(tmp_path.rglob("*.part"))

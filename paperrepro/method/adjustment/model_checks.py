@@ -1,0 +1,198 @@
+"""Whether the data contradict the model under which a calibration's sigma hold.
+
+A residual that no unknown explains is taken for noise, and a noise that is not as told moves sigma
+in silence. Each check compares one number with what it is under the model, and says what to do.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from paperrepro.method.adjustment.observability import AXIS_WORDS
+from paperrepro.method.adjustment.result import CalibrationResult
+from paperrepro.method.georeference import georeference
+from paperrepro.method.tie_planes import TiePlanes
+from paperrepro.survey import Survey
+
+#: Residuals, in units of what the scanner's specification says, between which it may be believed.
+RESIDUALS = (0.67, 1.5)
+#: Delay of the clock, s and in sigma, from which on it is one.
+CLOCK = (3e-4, 3.0)
+#: Expected squares of a component of the trajectory's error over its prior variance.
+PROCESS = (0.5, 2.0)
+#: Errors that last a second, as a share of the specified sigma: more is vibration, or a filter's.
+FAST = 0.3
+#: Factors on the specified sigma below which a boresight's sigma rests on the estimate of them.
+BELOW = 0.5
+#: RMS of the beams' elevation errors in their own sigma, of which 16 beams without one exceed this
+#: in one of twenty flights. Range offsets in their prior sigma.
+BEAMS, OFFSETS = 1.3, 5.0
+#: Difference between D and SL in D's sigma: SL's own errors are about twice as large.
+SCENARIOS = 5.0
+#: Least points of a view whose residuals count.
+LEAST_POINTS = 10
+
+
+@dataclass(frozen=True)
+class Check:
+    """``value`` of a check ``name``, allowed between ``low`` and ``high``; the ``sentence`` says
+    what it means where it is not, and what to do."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    sentence: str
+
+    @property
+    def passed(self) -> bool:
+        """True where the model is not contradicted."""
+        return bool(self.low <= self.value <= self.high)
+
+
+def model_checks(
+    result: CalibrationResult, survey: Survey, tie_planes: TiePlanes, sl: np.ndarray | None = None
+) -> tuple[Check, ...]:
+    """All checks of scenario D's ``result`` that apply; ``tie_planes`` are those it used.
+
+    Parameters
+    ----------
+    result : of scenario D; of others it says nothing, and no check applies.
+    survey : with the specifications as given.
+    sl : (3,) rad, the boresight of scenario SL from the same tie planes, if known.
+    """
+    if result.trajectory is None:
+        return ()
+    return (
+        _residuals(result),
+        *_clock(result),
+        *_process(result),
+        *_components(result),
+        *_beams(result, survey, tie_planes),
+        *_offsets(result, survey),
+        *_against_sl(result, sl),
+    )
+
+
+def _residuals(result: CalibrationResult) -> Check:
+    laser = 1.0 if result.components is None else result.components["range"]
+    value = result.sigma0 * laser
+    return Check(
+        "residuals", value, *RESIDUALS,
+        f"Residuals are {value:.2f} times what the scanner's specification says: correct its "
+        "range_sigma in mounting.toml, or look for rough faces, a wrong beam table or a clock.",
+    )  # fmt: skip
+
+
+def _clock(result: CalibrationResult) -> Iterator[Check]:
+    if result.clock is not None:
+        delay, sigma = result.clock.delay, result.clock.sigma
+        yield Check(
+            "clock", abs(delay), 0.0, max(CLOCK[0], CLOCK[1] * sigma),
+            f"The laser's times are {1e3 * delay:+.2f} ms ± {1e3 * sigma:.2f} ms off the "
+            "trajectory's: the boresight is adjusted for it; correct the strips' times.",
+        )  # fmt: skip
+
+
+def _process(result: CalibrationResult) -> Iterator[Check]:
+    found, names = result.trajectory, ("east", "north", "up", *AXIS_WORDS[:2], "heading")
+    changing = found.correction - found.constant
+    expected = np.square(changing).mean(axis=0) + np.square(found.sigma).mean(axis=0)
+    for name, value in zip(names, expected / np.square(found.prior_sigma), strict=True):
+        yield Check(
+            f"process_{name}", float(value), *PROCESS,
+            f"The trajectory's error in {name} has {value:.1f} times the variance that the "
+            "adjustment was told: give an accuracy file, or [navigation] as the flight had it.",
+        )  # fmt: skip
+
+
+def _components(result: CalibrationResult) -> Iterator[Check]:
+    found = result.components or {}
+    for name in (key[:-5] for key in found if key.endswith("_fast")):
+        words = name.replace("_", " and ")
+        yield Check(
+            f"fast_{name}", found[f"{name}_fast"], 0.0, FAST,
+            f"Errors of {words} that last about a second have {found[f'{name}_fast']:.2f} of the "
+            "specified sigma: look for vibration that the GNSS/INS does not report.",
+        )  # fmt: skip
+        yield Check(
+            f"specified_{name}", found[name], BELOW, np.inf,
+            f"The trajectory's {words} is taken for {1 / found[name]:.1f} times better than "
+            "specified, as this flight shows it: sigma rests on that, and on what may be constant.",
+        )  # fmt: skip
+
+
+def _beams(result: CalibrationResult, survey: Survey, tie_planes: TiePlanes) -> Iterator[Check]:
+    """Elevation errors of all beams from the residuals, each view's offset and tilts and each
+    beam's range offset being free: a test of face and beam means together."""
+    rays, step, n_rings = result.trajectory.apply(tie_planes.rays), 1e-5, survey.scanner.n_rings
+    p = georeference(rays, result.calibrated)
+    higher = georeference(replace(rays, elevation=rays.elevation + step), result.calibrated)
+    longer = georeference(replace(rays, rho=rays.rho + step), result.calibrated)
+    N, t = np.zeros((2 * n_rings, 2 * n_rings)), np.zeros(2 * n_rings)
+    squares, count = 0.0, -len(t)
+    for (first, last), plane in zip(
+        tie_planes.ranges, result.planes[tie_planes.plane], strict=True
+    ):
+        rows, n = np.arange(first, last), plane[:3]
+        if len(rows) < LEAST_POINTS:
+            continue
+        about = p[rows] - p[rows].mean(axis=0)
+        columns = np.zeros((len(rows), 2 * n_rings + 1))
+        at, ring = np.arange(len(rows)), rays.ring[rows]
+        columns[at, ring] = (higher[rows] - p[rows]) @ n / step
+        columns[at, n_rings + ring] = (longer[rows] - p[rows]) @ n / step
+        columns[:, -1] = p[rows] @ n - plane[3]
+        Q, _ = np.linalg.qr(np.column_stack([np.ones(len(rows)), about @ _in_plane(n)]))
+        columns -= Q @ (Q.T @ columns)
+        N += columns[:, :-1].T @ columns[:, :-1]
+        t += columns[:, :-1].T @ columns[:, -1]
+        squares += float(columns[:, -1] @ columns[:, -1])
+        count += len(rows) - 3
+    if count <= 0:
+        return
+    free, Q_all = N[n_rings:, n_rings:], np.linalg.pinv(N, rcond=1e-9, hermitian=True)
+    information = (
+        N[:n_rings, :n_rings]
+        - N[:n_rings, n_rings:]
+        @ np.linalg.pinv(free, rcond=1e-9, hermitian=True)
+        @ N[n_rings:, :n_rings]
+    )
+    error, variance = (Q_all @ t)[:n_rings], squares / count
+    rank = max(np.linalg.matrix_rank(information, rtol=1e-9), 1)
+    value = float(np.sqrt(max(error @ information @ error, 0.0) / variance / rank))
+    seen = np.sqrt(np.trace(information) / rank)
+    yield Check(
+        "beams", value, 0.0, BEAMS,
+        f"The beams' elevations look wrong by {np.degrees(value * np.sqrt(variance) / seen):.3f}° "
+        f"RMS, {value:.1f} times their noise: give the scanner's own beam table.",
+    )  # fmt: skip
+
+
+def _in_plane(normal: np.ndarray) -> np.ndarray:
+    """(3, 2): two directions square to ``normal``."""
+    return np.linalg.svd(normal[None])[2][1:].T
+
+
+def _offsets(result: CalibrationResult, survey: Survey) -> Iterator[Check]:
+    if result.range_offsets is not None:
+        value = float(np.abs(result.range_offsets).max() / survey.scanner.range_offset_sigma)
+        yield Check(
+            "range_offsets", value, 0.0, OFFSETS,
+            f"A beam's range offset is {value:.0f} times what the scanner's zero is known to: it "
+            "stands for something else; do not use the offsets, and look at lever arm and beams.",
+        )  # fmt: skip
+
+
+def _against_sl(result: CalibrationResult, sl: np.ndarray | None) -> Iterator[Check]:
+    if sl is not None:
+        for axis, one, other, sigma in zip(
+            AXIS_WORDS, result.boresight, sl, result.sigma, strict=True
+        ):
+            value = float(abs(one - other) / sigma)
+            yield Check(
+                f"scenarios_{axis}", value, 0.0, SCENARIOS,
+                f"D and SL differ in {axis} by {np.degrees(abs(one - other)):.3f}°, {value:.1f} "
+                "sigma: what surfaces and trajectory did is not told apart; fly crossing lines.",
+            )  # fmt: skip

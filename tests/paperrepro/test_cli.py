@@ -1,0 +1,143 @@
+"""The command line: quick to help, one line for what is wrong, stopped in a line."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+import data_synth
+from data_synth import operator, presets
+from paperrepro import cli
+from paperrepro.errors import NoConvergence
+from paperrepro.flight.calibrate import PLANES
+from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES
+
+COMMANDS = ("reproduce", "simulate", "calibrate", "apply", "sweep", "study")
+
+
+def ran(code, *arguments, **options):
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True, **options)
+
+
+@pytest.mark.parametrize("option", ["--help", "--version"])
+def test_help_costs_no_library(option):
+    code = f"""
+import sys, time
+from paperrepro.cli import main
+try:
+    main(["{option}"])
+except SystemExit as end:
+    heavy = {{"numba", "pandas", "scipy", "numpy", "matplotlib", "dask"}} & set(sys.modules)
+    print(end.code, time.process_time(), heavy, file=sys.stderr)
+"""
+    code, seconds, heavy = ran(code).stderr.split(maxsplit=2)
+    assert code == "0"
+    assert heavy.strip() == "set()"
+    assert float(seconds) < 0.3
+
+
+def test_what_is_spelt_out_for_help_is_what_there_is():
+    assert set(cli.PRESETS) == set(data_synth.PRESETS)
+    assert set(cli.PROFILES) == set(data_synth.PROFILES)
+    assert cli.SCENES == presets.SCENES
+    assert sorted(cli.SCENARIOS) == sorted(SCENARIO_NAMES)
+    assert cli.PLANES == PLANES
+    assert cli.SITE == (operator.LATITUDE_DEG, operator.LONGITUDE_DEG, operator.HEIGHT_M)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_each_command_has_an_example(capsys, command):
+    with pytest.raises(SystemExit):
+        cli.main([command, "--help"])
+    assert f"Example: paperrepro {command} " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "COMMAND"),
+        (["fly"], "invalid choice: 'fly'"),
+        (["simulate", "--out", "x", "--preset", "other"], "invalid choice: 'other'"),
+        (["reproduce", "--jobs", "0"], "--jobs: expected at least 1"),
+        (["simulate", "--out", "/dev/null/x"], "/dev/null/x: cannot be written"),
+        (["reproduce", "--out", "/dev/null/x"], "/dev/null/x: cannot be written"),
+        (["study", "--out", "/dev/null/x/study.csv"], "/dev/null/x: cannot be written"),
+    ],
+)
+def test_bad_input_is_one_line(capsys, arguments, words):
+    assert cli.main(arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("paperrepro: ")
+    assert words in line
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "words"),
+    [
+        (NoConvergence("no end"), 1, "no end"),
+        (OSError(28, "No space left on device", "/x"), 1, "/x: No space left on device"),
+        (KeyError("what"), 1, "KeyError: 'what'; --verbose shows where"),
+        (KeyboardInterrupt(), 130, "stopped"),
+    ],
+)
+def test_what_is_raised_is_one_line(monkeypatch, capsys, error, code, words):
+    def fails(options):
+        raise error
+
+    monkeypatch.setattr(cli, "_simulate", fails)
+    fails.__name__ = "_simulate"
+    assert cli.main(["simulate", "--out", "x"]) == code
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("after_s", [0.15, 0.5, 1.5])
+def test_stopped_at_any_time_it_says_so_in_a_line_and_leaves_nothing(tmp_path, how, after_s):
+    command = [sys.executable, "-m", "paperrepro", "simulate", "--profile", "paper",
+               "--out", str(tmp_path / "out")]  # fmt: skip
+    environment = {**os.environ, "PAPERREPRO_CACHE": str(tmp_path / "cache")}
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, env=environment,
+        preexec_fn=lambda: [signal.signal(number, signal.SIG_DFL) for number in cli._STOPS],
+    )  # fmt: skip
+    until_it_listens(process)
+    time.sleep(after_s)
+    process.send_signal(how)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert err.splitlines() == ["paperrepro: stopped"]
+    assert not (tmp_path / "out").exists()
+
+
+def until_it_listens(process):
+    """Python itself has started, and the signals are ours."""
+    while True:
+        with open(f"/proc/{process.pid}/status") as status:
+            (caught,) = [line.split()[1] for line in status if line.startswith("SigCgt")]
+        if int(caught, 16) & 1 << (signal.SIGTERM - 1):
+            return
+        assert process.poll() is None
+        time.sleep(0.005)
+
+
+def test_a_hangup_that_is_ignored_stays_ignored():
+    """As under nohup."""
+    code = """
+import signal
+from paperrepro import cli
+signal.signal(signal.SIGHUP, signal.SIG_IGN)
+with cli._signals(signal.default_int_handler):
+    print(signal.getsignal(signal.SIGHUP) == signal.SIG_IGN)
+"""
+    assert ran(code).stdout.strip() == "True"
+
+
+def test_a_reader_that_goes_away_is_no_error():
+    command = f"{sys.executable} -m paperrepro study --help | true"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True)
+    assert "Traceback" not in done.stderr
