@@ -37,6 +37,9 @@ _STOPS = [
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of ``paperrepro`` and ``python -m paperrepro``; gives the exit code."""
     verbose = False
+    for stream in (sys.stdout, sys.stderr):  # names of files and symbols that a console has not
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
     try:
         options = _parser().parse_args(arguments)
         verbose = options.verbose
@@ -313,7 +316,7 @@ def _calibrate_options(commands) -> None:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
-    from paperrepro._files import written_whole
+    from paperrepro._files import write_text, written_whole
     from paperrepro.figures import pages
     from paperrepro.figures.flight import pictures
     from paperrepro.flight import calibration_file
@@ -336,7 +339,7 @@ def _calibrate(options: argparse.Namespace) -> int:
         steps("report")
         calibration_file.write(own, draft / calibration_file.NAME, notes=list(flight.notes))
         page = pages.calibration_page(own, pictures(own), _files(options), flight.notes)
-        (draft / pages.NAME).write_text(page, encoding="utf-8", newline="\n")
+        write_text(draft / pages.NAME, page)
         if options.write_strips:
             steps("adjusted strips")
             write_strips(flight, own.result.calibrated, draft)
