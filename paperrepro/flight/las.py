@@ -272,8 +272,10 @@ def _held(header: laspy.LasHeader, head: _Head, path: Path) -> int:
 def _read(reader, count: int, path: Path, start: int):
     try:
         chunk = reader.read_points(count)
-    except FILE_ERRORS as error:
-        raise _cut_off(path, start, reader.header.point_count, error) from error
+    except BaseException as error:
+        if isinstance(error, FILE_ERRORS) or type(error).__name__ == "PanicException":  # of Rust
+            raise _cut_off(path, start, reader.header.point_count, error) from error
+        raise
     if len(chunk) < count:
         raise _cut_off(path, start + len(chunk), reader.header.point_count, "no more data")
     return chunk

@@ -144,14 +144,14 @@ def require_right_or_said(captured, folder, name, out, right):
         assert np.quantile(off, 0.99) < MOVED
 
 
-def end_of(folder, name, right, out, capsys):
+def end_of(folder, name, right, out, capfd):
     """The exit code, and what is wrong with it, if anything."""
     try:
         code = main(arguments(folder, name, out))
     except Exception as error:
-        capsys.readouterr()
+        capfd.readouterr()
         return 3, f"{type(error).__name__}: {error}"
-    captured = capsys.readouterr()
+    captured = capfd.readouterr()
     try:
         require_sane(code, captured, out)
         if code == 0 and name.endswith(("las", "laz", "sbet")):
@@ -163,7 +163,7 @@ def end_of(folder, name, right, out, capsys):
     return code, ""
 
 
-def test_changed_files(flight, tmp_path, capsys):
+def test_changed_files(flight, tmp_path, capfd):
     folder, right = flight
     start = time.monotonic()
     ends, wrong = {kind: [0] * 4 for kind in CHANGES}, []
@@ -172,7 +172,7 @@ def test_changed_files(flight, tmp_path, capsys):
         for number in range(ROUNDS):
             rng = np.random.default_rng([len(kind), number])
             (folder / name).write_bytes(change(original, rng))
-            code, fault = end_of(folder, name, right, tmp_path / "out", capsys)
+            code, fault = end_of(folder, name, right, tmp_path / "out", capfd)
             ends[kind][code] += 1
             wrong += [f"{kind}, change {number}: {fault}"] if fault else []
         (folder / name).write_bytes(original)
@@ -185,7 +185,7 @@ def test_changed_files(flight, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("number", range(12))
-def test_changed_tables(thinned, folder, tmp_path, capsys, number):
+def test_changed_tables(thinned, folder, tmp_path, capfd, number):
     """A CSV with poses of its own."""
     given = folder()
     path = given.path / "F1.csv"
@@ -198,7 +198,7 @@ def test_changed_tables(thinned, folder, tmp_path, capsys, number):
     path.write_text("\n".join(text))
     arguments = ["calibrate", str(path), "--mounting", str(given.mounting), "--crs", "EPSG:32722"]
     code = main([*arguments, "--out", str(tmp_path / "out")])
-    require_sane(code, capsys.readouterr(), tmp_path / "out")
+    require_sane(code, capfd.readouterr(), tmp_path / "out")
     assert code == 2
 
 
@@ -217,10 +217,10 @@ def test_changed_tables(thinned, folder, tmp_path, capsys, number):
     ],
     ids=range(12),
 )  # fmt: skip
-def test_changed_command_lines(flight, tmp_path, capsys, change):
+def test_changed_command_lines(flight, tmp_path, capfd, change):
     folder, _ = flight
     out = tmp_path / "out"
     code = main(change(arguments(folder, "F1.laz", out)))
-    require_sane(code, capsys.readouterr(), out)
+    require_sane(code, capfd.readouterr(), out)
     assert code == 2
     assert json.loads((folder / "truth.json").read_text())
