@@ -51,7 +51,7 @@ def __getattr__(name: str):
     raise AttributeError(f"paperrepro has no {name!r}; it offers {', '.join(API)}")
 
 
-def modules_of(room: str):
+def _modules_of(room: str):
     """``__getattr__`` of a room: its modules are imported when first asked for."""
 
     def module(name: str):

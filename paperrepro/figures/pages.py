@@ -395,7 +395,7 @@ def _reliability(own: OwnFlight) -> Table | None:
         turned = np.degrees(np.abs(views.turns[worst]))
         lines.append(
             (
-                str(plane), views.strip[worst], number(100 * views.redundancy[worst], 0),
+                str(plane), views.strip[worst], number(100 * views.redundancy[worst], 2),
                 number(CM * views.detectable[worst], 1), *(number(angle, 4) for angle in turned),
                 number(np.abs(views.standardised[of_plane]).max(), 1),
             )

@@ -1,5 +1,5 @@
 """."""
 
-from paperrepro import modules_of
+from paperrepro import _modules_of
 
-__getattr__ = modules_of(__name__)
+__getattr__ = _modules_of(__name__)

@@ -6,7 +6,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from paperrepro import modules_of
+from paperrepro import _modules_of
 from paperrepro.method.adjustment.calibrate import PAPER_SCENARIOS, calibrate
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.scenarios import refine
@@ -121,4 +121,4 @@ def refine_all(
     }
 
 
-__getattr__ = modules_of(__name__)
+__getattr__ = _modules_of(__name__)

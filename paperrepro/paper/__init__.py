@@ -1,5 +1,5 @@
 """The paper: what it prints and claims, and what stands beside it of ours."""
 
-from paperrepro import modules_of
+from paperrepro import _modules_of
 
-__getattr__ = modules_of(__name__)
+__getattr__ = _modules_of(__name__)

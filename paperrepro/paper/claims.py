@@ -286,13 +286,12 @@ def _at_most(scenario: str, name: str, limit: float) -> Judge:
     return always(judges.at_most(scenario, name, limit))
 
 
-def _about(quantity: judges.Quantity, value: float, beside=None) -> Judge:
-    return within(quantity, "share", beside, low=value - ABOUT, high=value + ABOUT)
+def _about(quantity, value: float, beside=None, margin: float = ABOUT, unit="share") -> Judge:
+    return within(quantity, unit, beside, low=value - margin, high=value + margin)
 
 
 def _density(name: str) -> Judge:
-    low, high = (paper.DENSITY.value + way * ABOUT_DENSITY for way in (-1, 1))
-    return within(metric("all", name), "1/m2", low=low, high=high)
+    return _about(metric("all", name), paper.DENSITY.value, None, ABOUT_DENSITY, "1/m2")
 
 
 def _gains(scenario: str, limit: float) -> Judge:

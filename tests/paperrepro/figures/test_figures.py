@@ -1,5 +1,6 @@
 """Files hold what the pictures show; notebooks keep to their form."""
 
+import ast
 import json
 import re
 from itertools import combinations, pairwise
@@ -295,9 +296,25 @@ def test_first_code_cell_holds_annotated_plain_parameters(notebook):
 
 def test_notebook_is_thin(notebook):
     source = ["".join(cell["source"]) for cell in _code(notebook)]
-    assert len(source) <= 12
+    assert len(source) <= 11
     assert not any(re.search(r"^\s*(def|class|import matplotlib)\b", code, re.M) for code in source)
     assert not any("matplotlib.use" in code or "MPLBACKEND" in code for code in source)
+
+
+def test_notebook_imports_the_front_door_the_pictures_and_the_simulator(notebook):
+    """Deeper things are reached through ``pr``."""
+    tree = ast.parse("\n".join("".join(cell["source"]) for cell in _code(notebook)))
+    of_ours = ("paperrepro", "data_synth")
+    found = {(node.module, alias.name) for node in ast.walk(tree)
+             if isinstance(node, ast.ImportFrom) for alias in node.names}  # fmt: skip
+    found = {(module, name) for module, name in found if module.split(".")[0] in of_ours}
+    plain = {(alias.name, alias.asname) for node in ast.walk(tree) if isinstance(node, ast.Import)
+             for alias in node.names if alias.name.split(".")[0] in of_ours}  # fmt: skip
+    assert plain <= {("paperrepro", "pr")}
+    assert {module for module, _ in found if module.startswith("paperrepro.")} <= {
+        "paperrepro.figures"
+    }
+    assert {name for module, name in found if module == "paperrepro"} <= {"figures"}
 
 
 def test_text_stands_before_every_picture(notebook):
