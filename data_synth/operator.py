@@ -48,6 +48,11 @@ class Site:
                 f"site: expected a latitude within 84 and a longitude within 180 degrees, got "
                 f"{self.latitude_deg}, {self.longitude_deg}; give degrees, south and west negative"
             )
+        if not abs(self.height) <= 10_000:
+            raise BadInput(
+                f"site: expected a height within 10000 m, got {self.height}; give metres above the "
+                "ellipsoid"
+            )
         if self.zone is not None and not 1 <= self.zone <= 60:
             raise BadInput(f"zone: expected one of UTM's, 1 to 60, got {self.zone}; give one")
 

@@ -25,11 +25,13 @@ from pathlib import Path
 import numba
 import numpy as np
 from numba.core import caching
+from threadpoolctl import ThreadpoolController
 
 from paperrepro._files import private_folder
 
 #: Tasks that a call is cut into at most, whatever the number of threads: what a task starts from
-#: is then the same on every machine, to the last bit.
+#: is then the same on every machine, to the last bit. What BLAS sums differs with its threads:
+#: results agree to 1e-11 then.
 TASKS = 16
 #: Fewer points are not worth a task.
 POINTS = 4096
@@ -90,6 +92,24 @@ class _Kernels(caching.IndexDataCacheFile):
 
 caching.IndexDataCacheFile = _Kernels
 keep_apart()
+
+
+def one_blas_thread(function: Callable) -> Callable:
+    """``function`` with BLAS on one thread: its threads wait for one another where matrices are
+    small and many, and would make the last bits depend on their number."""
+
+    @functools.wraps(function)
+    def limited(*args, **kwargs):
+        with _blas().limit(limits=1, user_api="blas"):
+            return function(*args, **kwargs)
+
+    return limited
+
+
+@functools.cache
+def _blas() -> ThreadpoolController:
+    """The libraries that are loaded."""
+    return ThreadpoolController()
 
 
 def threads() -> int:

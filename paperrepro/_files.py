@@ -31,9 +31,9 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """The file, UTF-8, whole or not at all."""
+    """The file, UTF-8, whole or not at all; what is no character (a name of other bytes) as ?."""
     with whole_file(path) as part:
-        part.write_text(text, encoding="utf-8", newline="\n")
+        part.write_text(text, encoding="utf-8", errors="replace", newline="\n")
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import paperrepro as pr
-from paperrepro._files import require_folder, written_whole
+from paperrepro._files import require_folder, write_text, written_whole
 from paperrepro.errors import BadInput, PaperReproError
 
 # What can be chosen, spelt out so that --help need not load what offers it; a test compares them.
@@ -39,6 +39,9 @@ _STOPS = [
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of ``paperrepro`` and ``python -m paperrepro``; gives the exit code."""
     verbose = False
+    for stream in (sys.stdout, sys.stderr):  # names of files and symbols that a console has not
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
     try:
         options = _parser().parse_args(arguments)
         verbose = options.verbose
@@ -320,7 +323,7 @@ def _calibrate(options: argparse.Namespace) -> int:
         calibration.write(own, draft / calibration.NAME, notes=list(flight.notes))
         pictures = pr.figures.flight.pictures(own)
         page = pages.calibration_page(own, pictures, _files(options), flight.notes)
-        (draft / pages.NAME).write_text(page, encoding="utf-8", newline="\n")
+        write_text(draft / pages.NAME, page)
         if options.write_strips:
             steps("adjusted strips")
             pr.flight.write.write_strips(flight, own.result.calibrated, draft)

@@ -24,6 +24,11 @@ def strip_colours(names: Sequence[str]) -> dict[str, str]:
     return {n: STRIP_COLOURS.get(n, cycle[k % len(cycle)]) for k, n in enumerate(names)}
 
 
+def _plain(name: str) -> str:
+    """A strip's name that is not read as a formula."""
+    return name.replace("$", r"\$")
+
+
 def flight_map(
     ax: Axes, points_m: Mapping[str, np.ndarray], paths_m: Mapping[str, np.ndarray], planes_m
 ) -> Axes:
@@ -35,7 +40,7 @@ def flight_map(
         ax.plot(few[:, 0], few[:, 1], ".", ms=1.2, mew=0, alpha=0.55, color=colours[name],
                 rasterized=True)  # fmt: skip
     for name, path in paths_m.items():
-        ax.plot(path[:, 0], path[:, 1], color=colours[name], lw=1.6, label=name)
+        ax.plot(path[:, 0], path[:, 1], color=colours[name], lw=1.6, label=_plain(name))
         middle = len(path) // 2
         if (step := path[min(middle + 1, len(path) - 1)] - path[middle])[:2].any():
             ax.annotate("", path[middle, :2] + step[:2] / np.linalg.norm(step[:2]),
@@ -58,7 +63,7 @@ def pair_changes(ax: Axes, distances: Sequence[PairDistances]) -> Axes:
     ax.hlines(y, after, before, color="#bfbfbf", lw=1.2, zorder=1)
     ax.plot(before, y, "o", color=SCENARIO_COLOURS["before"], label="before")
     ax.plot(after, y, "D", ms=4.5, color=SCENARIO_COLOURS["D"], label="after")
-    ax.set_yticks(y, [f"{pair.first} – {pair.second}" for pair in distances])
+    ax.set_yticks(y, [_plain(f"{pair.first} – {pair.second}") for pair in distances])
     ax.set_xscale("log")
     ax.xaxis.set_major_formatter("{x:g}")
     ax.grid(axis="x", which="both", lw=0.4)

@@ -19,8 +19,11 @@ from paperrepro.method.georeference import georeference
 from paperrepro.method.tie_planes import TiePlanes
 from paperrepro.survey import Survey
 
-#: A hypothesis explains a disagreement that it makes so much smaller, if it was this large, m.
-EXPLAINED, SEEN = 0.65, 0.02
+#: Twice the logarithm of a likelihood ratio from which a hypothesis is taken for right, each view
+#: an independent sample; under the right reading a wrong one makes it negative.
+EVIDENCE = 9.0
+#: Points of a view that are looked at together: the noise of ranges averages out, the roll stays.
+TOGETHER = 25
 #: Noise further above its specification than this is no noise: a factor, and sigma0.
 PLAUSIBLE_FACTOR, PLAUSIBLE_SIGMA0 = 3.0, 2.0
 
@@ -39,16 +42,17 @@ def require_agreement(survey: Survey, tie_planes: TiePlanes, trajectory: str) ->
     """Raise `BadInput` where ``tie_planes`` lie together far better under a mistake of the
     ``trajectory`` that the rays do not show."""
     plain = _disagreement(survey, tie_planes)
-    if plain is None or plain < SEEN:
+    if plain is None:
         return
-    for hypothesis, turned in _unseen(survey, tie_planes):
-        found = _disagreement(survey, turned)
-        if found is not None and found < EXPLAINED * plain:
-            raise BadInput(
-                f"{trajectory}: {hypothesis.what}: so the strips would agree to "
-                f"{100 * found:.1f} cm, as given they do to {100 * plain:.1f} cm, though the rays "
-                f"fit either way; {hypothesis.remedy}"
-            )
+    found = [(_disagreement(survey, turned), h) for h, turned in _unseen(survey, tie_planes)]
+    found = [(rms, hypothesis) for rms, hypothesis in found if rms is not None]
+    rms, hypothesis = min(found, key=lambda one: one[0], default=(np.inf, None))
+    if 2 * len(tie_planes.ranges) * np.log(plain / rms) > EVIDENCE:
+        raise BadInput(
+            f"{trajectory}: {hypothesis.what}: so the strips would agree to {100 * rms:.1f} cm, as "
+            f"given they do to {100 * plain:.1f} cm, though the rays fit either way; "
+            f"{hypothesis.remedy}"
+        )
 
 
 def _unseen(survey: Survey, tie_planes: TiePlanes) -> Iterator[tuple[Hypothesis, TiePlanes]]:
@@ -66,11 +70,17 @@ def _unseen(survey: Survey, tie_planes: TiePlanes) -> Iterator[tuple[Hypothesis,
 
 
 def _disagreement(survey: Survey, tie_planes: TiePlanes) -> float | None:
-    """RMS m of the points about their planes under the best boresight; None if there is none."""
+    """RMS m of the tie planes' points about their planes under the best boresight, the range noise
+    averaged over `TOGETHER` points of a view; None if there is no boresight."""
     try:
-        return scenarios.calibrate(survey, tie_planes, "SL").rmse_after
+        result = scenarios.calibrate(survey, tie_planes, "SL")
     except (PaperReproError, np.linalg.LinAlgError):
         return None
+    first = [np.arange(a, b, TOGETHER) for a, b in tie_planes.ranges]
+    edges = np.concatenate(first)
+    counts = np.diff(np.r_[edges, len(tie_planes.rays)])
+    means = np.add.reduceat(result.residuals(tie_planes), edges) / counts
+    return float(np.sqrt(np.average(np.square(means), weights=counts)))
 
 
 def implausible(result: CalibrationResult) -> list[str]:

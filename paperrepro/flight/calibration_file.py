@@ -12,6 +12,7 @@ from paperrepro import __version__
 from paperrepro._files import write_text
 from paperrepro.errors import BadInput
 from paperrepro.flight.calibrate import OwnFlight
+from paperrepro.flight.mounting import numbers_in, short
 from paperrepro.frames import ANGLES, AXIS_WORDS
 from paperrepro.method.accuracy import PairDistances, rmse
 from paperrepro.method.adjustment.model_checks import Check
@@ -211,7 +212,7 @@ def _require_version(version, path: Path) -> None:
     ours = re.match(r"(\d+)\.(\d+)", __version__)
     if written is None or tuple(map(int, written.groups())) > tuple(map(int, ours.groups())):
         raise BadInput(
-            f"{path}: expected a file of paperrepro up to {__version__}, got {_short(version)}; "
+            f"{path}: expected a file of paperrepro up to {__version__}, got {short(version)}; "
             "calibrate with this version, or apply with the newer one"
         )
 
@@ -221,7 +222,7 @@ def _by_name(content: dict, key: str, path: Path) -> np.ndarray:
     named = content.get(key)
     if not isinstance(named, dict) or any(name not in named for name in ANGLES):
         raise BadInput(
-            f"{path}: expected {key} with omega, phi and kappa, got {_short(named)}; {REMEDY}"
+            f"{path}: expected {key} with omega, phi and kappa, got {short(named)}; {REMEDY}"
         )
     return _numbers({key: [named[name] for name in ANGLES]}, key, 3, path)
 
@@ -229,16 +230,11 @@ def _by_name(content: dict, key: str, path: Path) -> np.ndarray:
 def _numbers(content: dict, key: str, count: int | None, path: Path) -> np.ndarray:
     """So many numbers, within reason."""
     values = content[key]
-    numbers = np.empty(0)
-    if isinstance(values, list) and all(type(value) in (int, float) for value in values):
-        numbers = np.array([float(value) if abs(value) < 1e300 else np.inf for value in values])
-    if (
-        not len(numbers)
-        or len(numbers) != (count or len(numbers))
-        or not np.isfinite(numbers).all()
-    ):
+    numbers = numbers_in(values)
+    right = numbers.size == count if count else numbers.size > 0
+    if not right or numbers.ndim != 1 or not np.isfinite(numbers).all():
         raise BadInput(
-            f"{path}: {key}: expected {count or 'some'} finite numbers, got {_short(values)}; "
+            f"{path}: {key}: expected {count or 'some'} finite numbers, got {short(values)}; "
             f"{REMEDY}"
         )
     if np.abs(numbers).max() > LARGEST[key]:
@@ -263,7 +259,7 @@ def _require_same(content: dict, nominal: Mounting, scanner: Scanner | None, pat
         return
     if not _alike(found, np.degrees(scanner.beam_elevations), SAME_BEAM_DEG):
         raise BadInput(
-            f"{path}: its scanner ({_short(content['scanner'].get('name'))}) has other beams than "
+            f"{path}: its scanner ({short(content['scanner'].get('name'))}) has other beams than "
             f"that of the strips ({scanner.name}); {REMEDY}"
         )
 
@@ -274,14 +270,5 @@ def _optional(content: dict, table: str, key: str):
 
 
 def _alike(found, expected, tolerance: float) -> bool:
-    try:
-        found = np.array(found, float)
-    except (TypeError, ValueError, OverflowError):
-        return False
+    found = numbers_in(found)
     return found.shape == np.shape(expected) and bool(np.abs(found - expected).max() <= tolerance)
-
-
-def _short(value) -> str:
-    """A value for a message, cut where it is long."""
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

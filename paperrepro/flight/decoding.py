@@ -43,17 +43,18 @@ class Decoder:
         time = self.clocks[file.path](records.time) + self.time_shift
         with np.errstate(invalid="ignore"):
             p_m = local_points(file.grid, records.xyz, self.frame) + self.shift
-        timed, pose = np.ones(len(time), bool), None
+        timed = np.ones(len(time), bool)
         if isinstance(self.poses, Trajectory):
             timed = is_flight_time(time, self.poses.time)
-            if timed.any():
-                pose = self.poses.at(time[timed], str(file.path))
+            whole = np.zeros((len(time), 6))
+            if timed.all():
+                whole = self.poses.at(time, str(file.path))
+            elif timed.any():
+                whole[timed] = self.poses.at(time[timed], str(file.path))
         else:
-            pose = self.poses.of(records.columns, file.grid)
-        whole = np.zeros((len(time), 6))
-        if pose is not None:
-            whole[timed] = pose
-        p_m = np.where(np.isfinite(p_m), p_m, 1e9)
+            whole = self.poses.of(records.columns, file.grid)
+        if not np.isfinite(p_m).all():  # where its map does not reach
+            p_m = np.where(np.isfinite(p_m), p_m, 1e9)
         azimuth, elevation, rho = ray_test.laser_rays(whole, p_m, self.mounting)
         known = records.ring < len(self.beam_of_ring)
         beam = np.where(
@@ -153,7 +154,7 @@ def _step(values: np.ndarray) -> float:
 def time_step(time: np.ndarray) -> float:
     """What times (N,) s are multiples of, where it is one of `TIME_STEPS` or the resolution of
     single precision; else 0."""
-    time = time[np.isfinite(time)]
+    time = time[np.abs(time) < 1e12]
     single = time.astype(np.float32)
     if len(time) and (single == time).all():
         return float(np.spacing(np.abs(single).max()))

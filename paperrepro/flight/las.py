@@ -27,7 +27,7 @@ SAMPLE = 20_000
 SOFTWARE = "paperrepro"
 #: Bytes of a header of LAS 1.0 to 1.2, and of a record's head: VLR, EVLR.
 HEADER, VLR, EVLR = 227, 54, 60
-READ_ERRORS = (laspy.LaspyException, lazrs.LazrsError, ValueError, EOFError, OSError, IndexError,
+FILE_ERRORS = (laspy.LaspyException, lazrs.LazrsError, ValueError, EOFError, OSError, IndexError,
                MemoryError, OverflowError, struct.error, UnicodeError)  # fmt: skip
 # its warnings are ours to give, in one line
 logging.getLogger("laspy").setLevel(logging.CRITICAL)
@@ -127,10 +127,11 @@ def open_strip(path: Path, crs: str | None = None, ring_dimension: str = "user_d
             f"{', '.join(sorted(names))}; name the right one with --ring-dimension"
         )
     grid = Grid(_crs_of(header, path) if crs is None else crs, "--crs" if crs else str(path))
-    if header.generating_software.startswith(SOFTWARE):
+    software = header.generating_software  # bytes, where they are no ASCII
+    if isinstance(software, str) and software.startswith(SOFTWARE):
         notes += (
-            f"{path}: was written under a calibration, as its header says ("
-            f"{header.generating_software.strip()}); a second one adds to that",
+            f"{path}: was written under a calibration, as its header says ({software.strip()}); a "
+            "second one adds to that",
         )
     return StripFile(
         path, grid, ring_dimension, int(count), np.array(header.scales),
@@ -166,9 +167,9 @@ def opened(path: Path) -> "Reader":
         raise BadInput(f"{path}: expected a LAS/LAZ strip, {kind if sbet else other}")
     try:
         return Reader(path)
-    except READ_ERRORS as error:
+    except FILE_ERRORS as error:
         raise BadInput(
-            f"{path}: its LAS header cannot be read ({_first_line(error)}); the file is cut off or "
+            f"{path}: its LAS header cannot be read ({first_line(error)}); the file is cut off or "
             "damaged: export or copy it again"
         ) from error
 
@@ -271,8 +272,10 @@ def _held(header: laspy.LasHeader, head: _Head, path: Path) -> int:
 def _read(reader, count: int, path: Path, start: int):
     try:
         chunk = reader.read_points(count)
-    except READ_ERRORS as error:
-        raise _cut_off(path, start, reader.header.point_count, error) from error
+    except BaseException as error:
+        if isinstance(error, FILE_ERRORS) or type(error).__name__ == "PanicException":  # of Rust
+            raise _cut_off(path, start, reader.header.point_count, error) from error
+        raise
     if len(chunk) < count:
         raise _cut_off(path, start + len(chunk), reader.header.point_count, "no more data")
     return chunk
@@ -281,11 +284,12 @@ def _read(reader, count: int, path: Path, start: int):
 def _cut_off(path: Path, start: int, count: int, error) -> BadInput:
     return BadInput(
         f"{path}: its points cannot be read from number {start} of {count} on "
-        f"({_first_line(error)}); the file is cut off or damaged: export or copy it again"
+        f"({first_line(error)}); the file is cut off or damaged: export or copy it again"
     )
 
 
-def _first_line(error) -> str:
+def first_line(error) -> str:
+    """What a library says, as a part of a sentence."""
     return (str(error).splitlines() or [type(error).__name__])[0]
 
 
@@ -294,7 +298,7 @@ def _crs_of(header, path: Path):
         crs = header.parse_crs()
     except Exception as error:  # PROJ and laspy raise many kinds on a damaged record
         raise BadInput(
-            f"{path}: its reference system cannot be read ({_first_line(error)}); "
+            f"{path}: its reference system cannot be read ({first_line(error)}); "
             "name it with --crs, such as --crs EPSG:32722"
         ) from error
     if crs is None:

@@ -90,12 +90,12 @@ def _load(path: Path) -> dict:
     for name in KNOWN:
         if name in tables and not isinstance(tables[name], dict):
             raise BadInput(
-                f"{path}: expected a table [{name}], got {_short(tables[name])}; see README"
+                f"{path}: expected a table [{name}], got {short(tables[name])}; see README"
             )
     return tables
 
 
-def _short(value) -> str:
+def short(value) -> str:
     """A value for a message, cut where it is long."""
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
@@ -109,8 +109,8 @@ def _plain_numbers(value) -> bool:
     return type(value) in (int, float) and abs(value) < 1e300
 
 
-def _array(value) -> np.ndarray:
-    """Of numbers; empty where they are none."""
+def numbers_in(value) -> np.ndarray:
+    """What a file holds as numbers, or lists of them; empty where they are none."""
     try:
         return np.array(value, float) if _plain_numbers(value) else np.empty(0)
     except (TypeError, ValueError, OverflowError):
@@ -119,16 +119,16 @@ def _array(value) -> np.ndarray:
 
 def _numbers(table: dict, key: str, count: int, where: str) -> np.ndarray:
     values = table.get(key)
-    numbers = _array(values)
+    numbers = numbers_in(values)
     if numbers.shape != (count,) or not np.isfinite(numbers).all():
         raise BadInput(
-            f"{where}: expected {key} of {count} finite numbers, got {_short(values)}; give it"
+            f"{where}: expected {key} of {count} finite numbers, got {short(values)}; give it"
         )
     return numbers
 
 
 def _rotation(nominal: dict, where: str, notes: list[str]) -> np.ndarray:
-    given = _array(nominal.get("rotation"))
+    given = numbers_in(nominal.get("rotation"))
     given = given.reshape(3, 3) if given.shape == (9,) else given
     if given.shape != (3, 3) or not np.isfinite(given).all():
         return require_rotation(given, where)
@@ -146,7 +146,7 @@ def _rotation(nominal: dict, where: str, notes: list[str]) -> np.ndarray:
 def _positive(table: dict, key: str, default: float, where: str) -> float:
     value = table.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < np.inf:
-        raise BadInput(f"{where}: expected {key} as a number above 0, got {_short(value)}; give it")
+        raise BadInput(f"{where}: expected {key} as a number above 0, got {short(value)}; give it")
     return float(value)
 
 

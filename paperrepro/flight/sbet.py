@@ -196,10 +196,11 @@ class Clock:
     middle: float | None = None
 
     def __call__(self, time: np.ndarray) -> np.ndarray:
-        time = np.asarray(time, float) + self.shift
-        if self.middle is None:
-            return time
-        return time - WEEK * np.round((time - self.middle) / WEEK)
+        with np.errstate(invalid="ignore", over="ignore"):  # of times that are none
+            time = np.asarray(time, float) + self.shift
+            if self.middle is None:
+                return time
+            return time - WEEK * np.round((time - self.middle) / WEEK)
 
 
 def clock_to(trajectory: np.ndarray, points: np.ndarray) -> Clock:

@@ -103,8 +103,9 @@ def _chunks(path: Path, size: int) -> Iterator[pd.DataFrame]:
         for chunk in pd.read_csv(path, chunksize=size, skipinitialspace=True):
             chunk.columns = [str(name).strip().lower().replace(" ", "_") for name in chunk.columns]
             yield chunk
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: expected a table with a head line, {error}; export it") from error
+    except (ValueError, OSError) as error:  # pandas' own errors are ValueErrors
+        why = (str(error).split("\n") or [type(error).__name__])[0]
+        raise BadInput(f"{path}: expected a table with a head line, {why}; export it") from error
 
 
 def _require_columns(names: tuple[str, ...], path: Path) -> None:

@@ -18,7 +18,7 @@ from paperrepro._files import written_whole
 from paperrepro.errors import BadInput
 from paperrepro.flight import ray_test
 from paperrepro.flight.calibration_file import read_calibration
-from paperrepro.flight.las import SOFTWARE, StripFile, opened
+from paperrepro.flight.las import FILE_ERRORS, SOFTWARE, StripFile, first_line, opened
 from paperrepro.flight.mounting import read_mounting
 from paperrepro.flight.read import Flight, read_flight
 from paperrepro.method.georeference import georeference
@@ -128,21 +128,29 @@ def write_strips(flight: Flight, mounting: Mounting, out: str | Path) -> list[Pa
 
 
 def _write_file(flight: Flight, file: StripFile, mounting: Mounting, target: Path) -> None:
-    with opened(file.path) as reader:
-        evlrs = _without_copc(reader.evlrs or [])
-        header = _header_to_write(reader.header)
-        with laspy.open(target, mode="w", header=header) as writer:
-            for chunk in file.chunks():
-                try:
+    try:
+        with opened(file.path) as reader:
+            evlrs = _without_copc(reader.evlrs or [])
+            header = _header_to_write(reader.header)
+            with laspy.open(target, mode="w", header=header) as writer:
+                for chunk in file.chunks():
                     _move(flight, file, chunk, mounting)
-                except OverflowError as error:
-                    raise BadInput(
-                        f"{file.path}: points moved by the calibration do not fit the 32 bits of "
-                        "its coordinates; export it with an offset near the points"
-                    ) from error
-                writer.write_points(chunk)
-            if evlrs:
-                writer.write_evlrs(laspy.vlrs.vlrlist.VLRList(evlrs))
+                    writer.write_points(chunk)
+                if evlrs:
+                    writer.write_evlrs(laspy.vlrs.vlrlist.VLRList(evlrs))
+    except BadInput:
+        raise
+    except OverflowError as error:
+        raise BadInput(
+            f"{file.path}: points moved by the calibration do not fit the 32 bits of its "
+            "coordinates; export it with an offset near the points"
+        ) from error
+    except (*FILE_ERRORS, NotImplementedError) as error:
+        if isinstance(error, OSError):
+            raise  # of the folder, which knows what to say
+        raise BadInput(
+            f"{file.path}: cannot be written again ({first_line(error)}); export it anew"
+        ) from error
 
 
 def _header_to_write(header: laspy.LasHeader) -> laspy.LasHeader:

@@ -2,6 +2,8 @@
 
 import multiprocessing
 import os
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -177,3 +179,95 @@ def test_a_survey_survives_the_cache():
     for one, other in zip(fresh.strips, kept.strips, strict=True):
         np.testing.assert_array_equal(one.rho, other.rho)
     assert len(truth.labels) == len(kept.strips)
+
+
+# --- whatever is wrong with a cache costs time, never the result ----------------------------------
+
+
+def entry(folder):
+    (path,) = (folder / "cache" / "slow_square").glob("*.joblib")
+    return path
+
+
+def spoil(path, how):
+    data = bytearray(path.read_bytes())
+    if how == "flipped":
+        data[len(data) // 2] ^= 0xFF
+    path.write_bytes({"cut": data[: len(data) // 2], "empty": b"", "flipped": data}[how])
+
+
+@pytest.mark.parametrize("how", ["cut", "empty", "flipped"])
+def test_a_damaged_entry_is_made_anew(own_folder, how):
+    values = np.arange(1000.0)
+    cached(slow_square, values, str(own_folder))
+    spoil(entry(own_folder), how)
+    np.testing.assert_array_equal(cached(slow_square, values, str(own_folder)), values**2)
+    assert runs(own_folder) == 2
+    cached(slow_square, values, str(own_folder))
+    assert runs(own_folder) == 2
+
+
+def test_an_entry_of_somebody_else_is_not_run(own_folder):
+    """To load a pickle is to run it: from a folder that is open to others nothing is read."""
+    values = np.arange(5.0)
+    cached(slow_square, values, str(own_folder))
+    folder = entry(own_folder).parent
+    assert folder.stat().st_mode & 0o777 == 0o700
+    folder.chmod(0o777)
+    np.testing.assert_array_equal(cached(slow_square, values, str(own_folder)), values**2)
+    assert runs(own_folder) == 2
+    assert folder.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_folder_that_is_none_costs_time(own_folder):
+    (own_folder / "cache").write_text("a file")
+    for _ in range(2):
+        assert cached(slow_square, np.ones(2), str(own_folder)).tolist() == [1.0, 1.0]
+    assert runs(own_folder) == 2
+
+
+def test_errors_of_the_function_are_its_own(own_folder):
+    with pytest.raises(RuntimeError, match="half way"):
+        cached(failing, str(own_folder))
+
+
+def test_a_user_without_a_home_has_a_cache_all_the_same(monkeypatch):
+    for name in ("PAPERREPRO_CACHE", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(_cache.Path, "home", homeless)
+    assert "paperrepro" in _cache.cache_folder().name
+
+
+KERNEL = "from paperrepro._compiled import turned; print(turned(0.0, 1.0, 0.5))"
+
+
+@pytest.mark.parametrize("pattern", ["*.nbi", "*.nbc"])
+def test_damaged_kernels_are_compiled_anew(tmp_path, pattern):
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
+
+    def run():
+        return subprocess.run(
+            [sys.executable, "-c", KERNEL], capture_output=True, text=True, env=environment
+        )
+
+    first = run()
+    files = list((tmp_path / "kernels").rglob(pattern))
+    assert files
+    for path in files:
+        path.write_bytes(path.read_bytes()[:7])
+    second, third = run(), run()
+    assert first.returncode == second.returncode == third.returncode == 0, second.stderr
+    assert first.stdout == second.stdout == third.stdout
+
+
+def test_kernels_need_no_folder(tmp_path):
+    (tmp_path / "file").write_text("")
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "file")}
+    ran = subprocess.run(
+        [sys.executable, "-c", KERNEL], capture_output=True, text=True, env=environment
+    )
+    assert ran.returncode == 0, ran.stderr

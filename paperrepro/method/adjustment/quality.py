@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from paperrepro._compiled import one_blas_thread
 from paperrepro.method.adjustment.trajectory_equations import GaussMarkov
 from paperrepro.method.adjustment.trajectory_solver import (
     Noise,
@@ -107,6 +108,7 @@ class TrueNoise:
     range_offset_sigma: float
 
 
+@one_blas_thread
 def cramer_rao_bound(
     survey: Survey,
     tie_planes: TiePlanes,

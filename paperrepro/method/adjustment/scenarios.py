@@ -24,6 +24,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from paperrepro._compiled import one_blas_thread
 from paperrepro.errors import BadInput, TooFewPlanes
 from paperrepro.method.adjustment.conditions import (
     SETTLED,
@@ -85,6 +86,7 @@ SCENARIOS = {
 D = Scenario("D", "per_ring", free_planes=True, points=None, centroids=False, trajectory=True)
 
 
+@one_blas_thread
 def calibrate(
     survey: Survey,
     tie_planes: TiePlanes,

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from paperrepro._compiled import one_blas_thread
 from paperrepro.method.adjustment.conditions import (
     FaceStates,
     PreparedRays,
@@ -46,6 +47,7 @@ class Screening:
     rejected: tuple[Rejection, ...]
 
 
+@one_blas_thread
 def screen(survey: Survey, tie_planes: TiePlanes) -> Screening:
     """Find the faces of ``tie_planes`` that do not belong to their planes."""
     pairs = _Pairs.of(survey, tie_planes.thinned(POINTS_PER_FACE))

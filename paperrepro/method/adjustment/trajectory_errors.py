@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from paperrepro._compiled import one_blas_thread
 from paperrepro.method.adjustment.conditions import face_states
 from paperrepro.method.adjustment.observability import Observability, require_determined
 from paperrepro.method.adjustment.quality import reliability
@@ -110,6 +111,7 @@ def few_planes(tie_planes: TiePlanes, mounting: Mounting) -> TiePlanes:
     return tie_planes.subset(np.isin(tie_planes.plane, planes)).thinned(NOISE_POINTS)
 
 
+@one_blas_thread
 def find_noise(
     survey: Survey, tie_planes: TiePlanes, near: np.ndarray, all_components: bool = True,
     spacing: float = WITNESS_SPACING,
@@ -127,6 +129,7 @@ def find_noise(
     return FoundNoise(found.components, found.open, delay)
 
 
+@one_blas_thread
 def calibrate_with_trajectory(
     survey: Survey,
     tie_planes: TiePlanes,
@@ -162,6 +165,7 @@ def calibrate_with_trajectory(
     return _result(model, noise, start, solution, found)
 
 
+@one_blas_thread
 def lasting_sigma(survey: Survey, tie_planes: TiePlanes, boresight: np.ndarray) -> np.ndarray:
     """Standard deviations (3,) rad of ``boresight`` under errors of the trajectory that last as
     specified, as an adjustment that knows of them would have: from `WITNESSES` points a face."""

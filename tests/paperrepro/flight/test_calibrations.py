@@ -1,14 +1,19 @@
 """`apply` believes a calibration only as far as it can be one of these strips."""
 
 import json
+import os
+import subprocess
+import sys
 
 import laspy
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 from paperrepro import __version__
 from paperrepro.cli import main
 from paperrepro.errors import BadInput
+from paperrepro.figures.flight import flight_map
 from tests.paperrepro.flight.test_refusals import refused
 
 DEG = {"omega": 0.5, "phi": -0.4, "kappa": 0.3}
@@ -118,3 +123,29 @@ def test_a_datum_some_decimetres_off_is_mended_with_a_note(given):
     assert laspy.read(given.strips[0]).header.point_count == sum(
         len(strip) for strip in flight.survey.strips[:1]
     )
+
+
+def test_names_that_no_console_and_no_formula_can_hold(given, tmp_path):
+    """Bytes that are no UTF-8, dollars; a console of ASCII alone."""
+    strips = []
+    odd = (b"a$x_{.laz", b"stra\xdfe.laz", b"\xe2\x82\xac.laz")
+    for path, name in zip(given.strips, odd, strict=True):
+        strips.append(path.rename(path.with_name(os.fsdecode(name))))
+    arguments = given.arguments(tmp_path / "out", strips=strips)
+    ran = subprocess.run(
+        [sys.executable, "-m", "paperrepro", *arguments], capture_output=True,
+        env=os.environ | {"PYTHONIOENCODING": "ascii"},
+    )  # fmt: skip
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stderr == b""
+    assert len(list((tmp_path / "out").iterdir())) == 3
+    names = [strip.name for strip in given.read(strips=strips).survey.strips]
+    assert names == ["a$x_{", "stra?e", "€"]
+
+
+def test_a_map_of_strips_named_as_formulas():
+    line = np.arange(30.0).reshape(10, 3)
+    figure, ax = plt.subplots()
+    flight_map(ax, {"a$x_{$b": line}, {"a$x_{$b": line}, line)
+    figure.canvas.draw()
+    plt.close(figure)
