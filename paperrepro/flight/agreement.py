@@ -91,8 +91,8 @@ def implausible(result: CalibrationResult) -> list[str]:
     )
     factors = result.components or {}
     large = [
-        f"{name} {factors[name]:.1f} times"
-        for name in ("range", "position", "attitude")
+        f"{name.replace('_', ', ')} {factors[name]:.1f} times"
+        for name in ("range", "horizontal", "height", "roll_pitch", "heading")
         if factors.get(name, 1.0) > PLAUSIBLE_FACTOR
     ]
     if large:
