@@ -28,7 +28,13 @@ SCENARIO_COLOURS = {
     "D": "#d55e00",
     "truth": "#000000",
 }
-SCENARIO_NAMES = {"before": "before", "SL": "[11] = SL", "D": "D (ours)", "truth": "true mounting"}
+SCENARIO_NAMES = {
+    "before": "before",
+    "SL": "[11] = SL",
+    "D": "D (ours)",
+    "D noise found": "D, noise found",
+    "truth": "true mounting",
+}
 
 STRIP_COLOURS = {
     "F1": "#0072b2",

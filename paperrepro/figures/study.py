@@ -11,6 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS, canvas, scenario_name
 from paperrepro.paper.verdicts import CONDITIONS, FAILS, HOLDS, UNTESTED
+from paperrepro.study.rows import FOUND
 from paperrepro.study.statistics import (
     CONFIDENCE,
     OFFSETS,
@@ -116,6 +117,34 @@ def _by_setting(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
     names = list(table.columns[: table.columns.get_loc("noise_scale")])
     for key, part in table.groupby(names):
         yield ", ".join(map(str, key)), part
+
+
+def kinds(table: pd.DataFrame) -> Figure:
+    """Coverage and error by kind of errors and scenario, of a `promises_by_kind` of one setting."""
+    names = list(dict.fromkeys(table.errors))
+    figure, (left, right) = canvas("double", 12 + 7.5 * len(names), ncols=2, sharey=True)
+    scenarios = [name for name in [*SCENARIO_COLOURS, FOUND] if (table.scenario == name).any()]
+    step = 0.7 / max(len(scenarios), 1)
+    for k, name in enumerate(scenarios):
+        part = table[table.scenario == name]
+        y = [names.index(kind) + (k - (len(scenarios) - 1) / 2) * step for kind in part.errors]
+        found = name == FOUND
+        look = {"color": SCENARIO_COLOURS["D" if found else name], "ls": "", "ms": 4,
+                "marker": "D" if found else "o", "label": scenario_name(name)}  # fmt: skip
+        left.plot(100 * part.coverage, y, **look)
+        right.plot(part.rms_deg, y, **look)
+    left.axvline(100 * CONFIDENCE, color="#4d4d4d", lw=0.6, ls="--")
+    left.set_yticks(range(len(names)), names)
+    left.invert_yaxis()
+    left.set_xlim(0, 102)
+    left.set_xlabel("coverage of 95 % intervals (%)")
+    right.set_xscale("log")
+    right.set_xlabel("RMS boresight error, three angles (°)")
+    for ax in (left, right):
+        ax.grid(axis="x", lw=0.3)
+    handles, labels = left.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+    return figure
 
 
 VERDICT_COLOURS = {

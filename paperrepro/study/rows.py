@@ -14,7 +14,6 @@ COLUMNS = (
     "artefact", "scenario", "preset", "profile", "noise_scale", "errors", "seed",
     "metric", "unit", "value", "sigma",
 )  # fmt: skip
-ANGLES = ("omega", "phi", "kappa")
 #: Artefact of all that is measured of a simulated survey.
 ARTEFACT = "study"
 #: Metric of a row that stands for what could not be measured; its scenario says where it failed.

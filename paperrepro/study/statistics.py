@@ -196,6 +196,23 @@ def promises(
     return table.sort_values([*_SETTING, "scenario"], kind="stable", ignore_index=True)
 
 
+def promises_by_kind(rows: pd.DataFrame, scenarios: tuple[str, ...]) -> pd.DataFrame:
+    """`promises` for each kind of errors in ``rows``, in column ``errors``, over the three angles:
+    RMS of the error in all of them, mean coverage."""
+    parts = []
+    for kind in rows.errors.unique():
+        table = promises(rows, scenarios, kind).assign(errors=kind, squared=lambda t: t.rms_deg**2)
+        keys = ["errors", *_SETTING, "scenario"]
+        grouped = table.groupby(keys, observed=True, sort=False)
+        one = grouped.agg(
+            surveys=("surveys", "min"), squared=("squared", "sum"), coverage=("coverage", "mean"),
+            least_coverage=("coverage", "min"), nees=("nees", "first"),
+        )  # fmt: skip
+        one["rms_deg"] = np.sqrt(one.pop("squared"))
+        parts.append(one.reset_index())
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
 def _of_metric(rows: pd.DataFrame, metric: str) -> pd.DataFrame:
     return rows[rows.metric == metric]
 
