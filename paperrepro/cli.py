@@ -301,6 +301,8 @@ def _calibrate_options(commands) -> None:
     command.option("--planes", words, "auto", choices=PLANES)
     words = "write the strips under the new mounting, too"
     command.add_argument("--write-strips", action="store_true", help=words)
+    words = "estimate the lever arm, too (D); the given one is its prior"
+    command.add_argument("--lever-arm", action="store_true", help=words)
     command.option("--accuracy", "SMRMSG of the trajectory", type=Path, metavar="FILE")
     words = "parameters of Table 2, such as growing_angle_deg=2, or a TOML file of such lines"
     command.option("--set", words, "", metavar="NAME=VALUE,…")
@@ -318,7 +320,9 @@ def _calibrate(options: argparse.Namespace) -> int:
         )  # fmt: skip
         if options.write_strips:
             pr.flight.write.require_writable(flight, options.out)
-        own = pr.calibrate_flight(flight, options.scenario, options.planes, steps, parameters)
+        own = pr.calibrate_flight(
+            flight, options.scenario, options.planes, steps, parameters, options.lever_arm
+        )
         steps("report")
         calibration.write(own, draft / calibration.NAME, notes=list(flight.notes))
         pictures = pr.figures.flight.pictures(own)

@@ -25,6 +25,7 @@ from paperrepro import __version__
 from paperrepro._files import write_text
 from paperrepro.errors import BadInput
 from paperrepro.flight.calibrate import OwnFlight
+from paperrepro.frames import ANGLES
 from paperrepro.method.accuracy import median_ratio, rmse
 from paperrepro.method.adjustment.observability import AXIS_WORDS
 from paperrepro.paper.artefacts import ARTEFACTS, Artefact, Values, caption
@@ -32,7 +33,7 @@ from paperrepro.paper.claims import HEADLINES
 from paperrepro.paper.numbers import SYMBOLS, cells, heading, number, worded
 from paperrepro.paper.verdicts import COLUMNS, CONDITIONS, FAILS, HOLDS, UNTESTED
 from paperrepro.study.environment import package_versions
-from paperrepro.study.rows import ANGLES, SurveyKey, frame
+from paperrepro.study.rows import SurveyKey, frame
 from paperrepro.study.statistics import TWO_SIDED
 
 NAME = "report.html"

@@ -102,6 +102,7 @@ def calibrate_flight(
     planes: str = "auto",
     progress: Progress = silent,
     parameters: Parameters | None = None,
+    lever_arm: bool = False,
 ) -> OwnFlight:
     """Calibrate a flight, from its own mounting as start.
 
@@ -117,6 +118,8 @@ def calibrate_flight(
         Given a sentence for each step.
     parameters : Parameters, optional
         Table 2, for gable roofs.
+    lever_arm : bool
+        Scenario D estimates the lever arm, too, with the given one as prior.
 
     Returns
     -------
@@ -133,13 +136,17 @@ def calibrate_flight(
     """
     _require_word("scenario", scenario, SCENARIO_NAMES)
     _require_word("planes", planes, PLANES)
+    if lever_arm and scenario != "D":
+        raise BadInput(f"lever arm: scenario {scenario} holds it; estimate it by scenario D")
     survey = flight.survey if isinstance(flight, Flight) else flight
     points = sample_rays(survey)
     pairs = _require_overlap(survey, points.rays)
     kind, found, remarks = _find(survey, points, planes, progress, parameters)
     require_agreement(survey, found.tie_planes, getattr(flight, "trajectory", "trajectory"))
     progress(f"scenario {scenario}: {found.tie_planes.n_planes} planes")
-    result, tie_planes = _adjust(survey, found.tie_planes, scenario, found.boresights[-1])
+    result, tie_planes = _adjust(
+        survey, found.tie_planes, scenario, found.boresights[-1], lever_arm
+    )
     if scenario == "D" and len(set(tie_planes.strips)) < ENOUGH_STRIPS:
         remarks.append(
             f"The trajectory's noise was taken as specified, to a factor of three: "
@@ -215,7 +222,7 @@ def _find(
 
 
 def _adjust(
-    survey: Survey, tie_planes: TiePlanes, scenario: str, near: np.ndarray
+    survey: Survey, tie_planes: TiePlanes, scenario: str, near: np.ndarray, lever_arm: bool
 ) -> tuple[CalibrationResult, TiePlanes]:
     """``scenario`` on ``tie_planes`` from ``near`` (3,) rad, and the faces that it kept; D under
     the noise in the data. What it says of before is under the survey's own mounting."""
@@ -223,7 +230,7 @@ def _adjust(
     if scenario == "D":
         enough = len(set(tie_planes.strips)) >= ENOUGH_STRIPS
         found = find_noise(start, few_planes(tie_planes, start.mounting), near, enough)
-    result = calibrate(start, tie_planes, scenario, found=found)
+    result = calibrate(start, tie_planes, scenario, found=found, lever_arm=lever_arm)
     kept = tie_planes.subset(screen(start, tie_planes).kept) if result.rejected else tie_planes
     before = kept.plane_states(survey.mounting).rms
     changed = {"mounting": survey.mounting, "rms_before": before}

@@ -169,7 +169,7 @@ ARTEFACTS = (
              "Error of the boresight over its formal σ, a point for each survey, a colour for "
              "each scenario."),
     Artefact("error_kinds", "Errors of other kinds", _SWEEP,
-             "Coverage of 95\u00a0% intervals and RMS error of the boresight by kind of the errors, "
+             "Coverage of 95\u00a0% intervals and RMS error of the boresight by kind of errors, "
              "over many surveys; D as told the specification, and under the noise that it finds."),
     Artefact("verdicts", "Verdicts counted", _CLAIMS,
              "Number of claims by verdict, the paper's and ours."),

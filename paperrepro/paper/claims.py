@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from paperrepro.frames import ANGLES
 from paperrepro.paper import judges
 from paperrepro.paper import published as paper
 from paperrepro.paper.judges import (
@@ -45,7 +46,7 @@ from paperrepro.paper.verdicts import (
     printed,
     under_errors,
 )
-from paperrepro.study.rows import ANGLES, FOUND, REFINED, mistaken_name
+from paperrepro.study.rows import FOUND, REFINED, mistaken_name
 from paperrepro.study.simulated import ERRORS
 from paperrepro.study.statistics import CONFIDENCE, Evidence, Surveys
 
@@ -252,9 +253,10 @@ def _ours() -> Iterator[Claim]:
         yield Claim(f"{id}-standardised", sigmas, OURS, standardised(x),
             f"and its errors are as large as its sigmas (factor {factor:g})", ON_MOUNT)
     for kind in ERRORS:
-        yield Claim(f"ours-coverage-under-{kind}", sigmas, OURS, coverage(FOUND), "D as calibrate "
-            f"runs it, told the specification alone, keeps honest sigmas under errors of the kind "
-            f"'{kind}'", under_errors(kind))
+        id = f"ours-coverage-under-{kind.replace(' ', '-')}"
+        yield Claim(id, sigmas, OURS, coverage(FOUND), "D as calibrate runs it, told the "
+            f"specification alone, keeps honest sigmas under errors of the kind '{kind}'",
+            under_errors(kind))
     for x in ALL:
         yield Claim(f"ours-error-D-below-{x}", "beside the Abstract", OURS, _truer("D", x),
             f"D finds the boresight better than {CALLED[x]}")

@@ -13,11 +13,12 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from paperrepro.frames import ANGLES
 from paperrepro.method.adjustment.trajectory_equations import AXES, PRIOR_SIGMA
 from paperrepro.paper.numbers import shown, span
 from paperrepro.paper.published import ATTITUDE_ACCURACY
 from paperrepro.paper.verdicts import NO, OPEN, PARTLY, YES, Judged
-from paperrepro.study.rows import ANGLES, BOUND, LEVER_ARM, SCREENED, WRONG
+from paperrepro.study.rows import BOUND, LEVER_ARM, SCREENED, WRONG
 from paperrepro.study.statistics import CONFIDENCE, SIGMA, TWO_SIDED, Interval, Surveys, TooLittle
 
 Quantity = Callable[[Surveys], pd.Series]

@@ -8,13 +8,14 @@ import pandas as pd
 
 from paperrepro._files import write_text
 from paperrepro.errors import BadInput
+from paperrepro.frames import ANGLES
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.roofs import RoofParameters
 from paperrepro.paper.claims import HEADLINES
 from paperrepro.paper.numbers import shown, span
 from paperrepro.paper.published import TABLE2, TABLE4
 from paperrepro.paper.verdicts import VERDICTS
-from paperrepro.study.rows import ANGLES, SurveyKey
+from paperrepro.study.rows import SurveyKey
 from paperrepro.study.statistics import Interval
 
 

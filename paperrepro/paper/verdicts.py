@@ -144,11 +144,6 @@ def untested(reason: str) -> Finding:
     return Finding(np.nan, np.nan, np.nan, "", 0, UNTESTED, reason)
 
 
-def never(reason: str) -> Rule:
-    """A claim outside of what is simulated."""
-    return lambda evidence: untested(reason)
-
-
 def fixed(measured: float, holds: bool, words: str) -> Finding:
     """Of a claim that follows from the printed numbers alone: no survey, no interval."""
     verdict = HOLDS if holds else FAILS

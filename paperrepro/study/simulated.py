@@ -16,7 +16,7 @@ from data_synth.evaluation import ViewTruth, judge_views, true_planes
 from data_synth.navigation import ATTITUDE_SIGMA, CORRELATION_TIME, POSITION_SIGMA
 from paperrepro._cache import cached
 from paperrepro.errors import BadInput, PaperReproError
-from paperrepro.frames import boresight_matrix
+from paperrepro.frames import ANGLES, boresight_matrix
 from paperrepro.method import refine_all
 from paperrepro.method.accuracy import (
     Distribution,
@@ -45,7 +45,6 @@ from paperrepro.method.coarse_to_fine import (
 from paperrepro.method.georeference import georeference
 from paperrepro.study.gross_error import with_wrong_match
 from paperrepro.study.rows import (
-    ANGLES,
     ARTEFACT,
     BOUND,
     FAILED,
@@ -396,15 +395,20 @@ def _add_refined(rows: _Rows, flown: SimulatedSurvey, results) -> dict[str, Moun
 def _add_found(rows: _Rows, flown: SimulatedSurvey, sl: CalibrationResult | None) -> None:
     """Scenario D as `calibrate_flight` runs it, and what contradicts its model."""
     survey, tie_planes = flown.survey, flown.found.tie_planes
-    noise = rows.attempt(FOUND, find_noise, survey, few_planes(tie_planes, survey.mounting),
-                         flown.found.agreed)  # fmt: skip
-    result = noise and rows.calibrated(FOUND, survey, tie_planes, "D", found=noise)
+    result = rows.attempt(FOUND, _under_found_noise, survey, flown.found)
     if result:
+        rows.add_result(FOUND, result)
         kept = tie_planes.subset(screen(survey, tie_planes).kept) if result.rejected else tie_planes
         checks = model_checks(result, survey, kept, sl and sl.boresight)
         for check in checks:
             rows.add(FOUND, f"check_{check.name}", not check.passed)
         rows.add(FOUND, "contradicted", not all(check.passed for check in checks))
+
+
+def _under_found_noise(survey: Survey, found: PlaneSurvey) -> CalibrationResult:
+    few = few_planes(found.tie_planes, survey.mounting)
+    noise = find_noise(survey, few, found.agreed)
+    return calibrate(survey, found.tie_planes, "D", found=noise)
 
 
 def _add_mistaken(rows: _Rows, flown: SimulatedSurvey, factor: float) -> None:
@@ -416,9 +420,9 @@ def _add_mistaken(rows: _Rows, flown: SimulatedSurvey, factor: float) -> None:
         attitude_sigma=factor * told.attitude_sigma,
     )
     survey = replace(flown.survey, navigation=told)
-    few = few_planes(flown.found.tie_planes, survey.mounting)
-    noise = rows.attempt(name, find_noise, survey, few, flown.found.agreed)
-    result = noise and rows.calibrated(name, survey, flown.found.tie_planes, "D", found=noise)
+    result = rows.attempt(name, _under_found_noise, survey, flown.found)
+    if result:
+        rows.add_result(name, result)
     for group, value in result.components.items() if result else ():
         rows.add(name, f"component_{group}", value)
 

@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from paperrepro.frames import ANGLES
 from paperrepro.method.accuracy import rmse
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES
-from paperrepro.study.rows import ANGLES, ARTEFACT, BOUND, COLUMNS, FAILED, SPECIFIED
+from paperrepro.study.rows import ARTEFACT, BOUND, COLUMNS, FAILED, SPECIFIED
 
 #: Fewer surveys of a setting than this support no verdict.
 LEAST_SEEDS = 20

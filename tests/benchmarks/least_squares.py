@@ -95,7 +95,7 @@ def _of_planes(problem: Problem, scenario, at) -> Conditions:
 
 def _of_pairs(problem: Problem, scenario, at) -> Conditions:
     reference, search = problem.tie_planes.pairs.T
-    lengths = np.diff(problem.tie_planes.ranges, axis=1)[search, 0] * scenario.points
+    lengths = np.diff(problem.tie_planes.ranges, axis=1)[search, 0] * scenario.has_points
     first = problem.tie_planes.ranges[search, 0]
     row = np.repeat(first - np.r_[0, np.cumsum(lengths)[:-1]], lengths) + np.arange(lengths.sum())
     planes = _pair_planes(problem, at)

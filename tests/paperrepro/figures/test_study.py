@@ -7,7 +7,8 @@ import pytest
 
 from paperrepro import figures
 from paperrepro.figures import study
-from paperrepro.study.rows import ANGLES, ARTEFACT, FAILED, SurveyKey, frame
+from paperrepro.frames import ANGLES
+from paperrepro.study.rows import ARTEFACT, FAILED, SurveyKey, frame
 from paperrepro.study.statistics import binomial, survey_table
 
 NOISES, SEEDS = (0.0, 1.0, 4.0), (1, 2, 3, 4)

@@ -112,8 +112,8 @@ def test_no_such_notebook(books, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (["reproduce", "--profile", "full"], "quick, paper"),
-        (["reproduce", "--preset", "mounted"], "mount, table4"),
+        (["reproduce", "--profile", "full"], "invalid choice: 'full'"),
+        (["reproduce", "--preset", "mounted"], "invalid choice: 'mounted'"),
         (["reproduce", "--noise-scale", "-1"], "noise_scale"),
         (["reproduce", "--only", "99"], "99"),
     ],

@@ -50,7 +50,7 @@ def test_one_face_is_matched_to_a_plane_alike_but_not_its_own(flown):
 @pytest.mark.slow
 def test_one_survey_measured_has_all_that_the_ledger_asks_for(flown, monkeypatch):
     """With a single survey allowed, no claim lacks a quantity but those on several noise scales."""
-    rows = frame(measure(flown, what=Measured(mistaken=MISTAKEN)))
+    rows = frame(measure(flown, what=Measured(mistaken=MISTAKEN, found=True)))
     assert not rows.duplicated(["scenario", "metric"]).any()
     assert np.isfinite(rows.value).all()
     monkeypatch.setattr(statistics, "LEAST_SEEDS", 1)

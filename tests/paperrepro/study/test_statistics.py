@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from paperrepro.study.rows import ANGLES, ARTEFACT, BOUND, SurveyKey, frame
+from paperrepro.frames import ANGLES
+from paperrepro.study.rows import ARTEFACT, BOUND, SurveyKey, frame
 from paperrepro.study.statistics import promises
 
 SEEDS = 400

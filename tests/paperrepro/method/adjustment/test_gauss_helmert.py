@@ -45,7 +45,7 @@ def free(request, noisy):
 def reference(request, noisy):
     scenario, survey = request.param, survey_of()
     problem = dense.Problem.of(survey, noisy, scenario.range_offsets)
-    expected = dense.adjust_reference(problem, scenario.points, scenario.centroids)
+    expected = dense.adjust_reference(problem, scenario.has_points, scenario.centroids)
     return calibrate(survey, noisy, scenario), expected
 
 
