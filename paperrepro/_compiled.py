@@ -4,11 +4,9 @@ numba compiles a kernel anew when its own file has changed, but not when the ker
 another file and that has: a corrected sign in the LiDAR equation would never reach the compiled
 adjustment. So the folder of compiled kernels is named after every source that holds one.
 
-Sine and cosine of angles that differ little from one ray to the next.
-
-Attitude, and the scanner's azimuth within a firing sequence, turn by far less than a degree from
-ray to ray. The sine and cosine of the ray before, turned by a short series, cost less than new ones
-and are as exact.
+The sines here are those of angles that differ little from one ray to the next: attitude, and the
+scanner's azimuth within a firing sequence, turn by far less than a degree. The sine and cosine of
+the ray before, turned by a short series, cost less than new ones and are as exact.
 """
 
 import atexit

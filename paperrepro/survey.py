@@ -1,11 +1,7 @@
 """What an operator has after a flight: strips, a trajectory, a mounting, and the specifications.
 
-Containers only; method and simulator share them. Columns are arrays of one length, N points or M
-poses. Metres, seconds, radians; frames as in `paperrepro.frames`.
-
-Poses over time, and between them. Metres, seconds, radians; frames as in `paperrepro.frames`.
-
-Checks of columns, shared by the containers: what was expected, what came, what to do.
+Containers, which method and simulator share; they check what is put into them. Columns are arrays
+of one length, N points or M poses. Metres, seconds, radians; frames as in `paperrepro.frames`.
 """
 
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,4 @@
-"""."""
+"""An operator's files: strips, trajectory and mounting, and what they get wrong."""
 
 from paperrepro import _modules_of
 

@@ -10,13 +10,12 @@ heading in the wander frame too; the rays tell (`consistency`), and it is then t
 SMRMSG: records of 10 little-endian float64: time s; north, east, down position m; three velocities
 m/s; roll, pitch, heading in minutes of arc, all one sigma.
 
-One time system for strips and trajectory: GPS seconds of the trajectory's week.
-
-LAS holds seconds of the GPS week, or adjusted standard GPS time (seconds since 1980-01-06, less
-1e9); an SBET the former as a rule. The size of the numbers tells them apart; the header's bit may
-lie. A multiple of a week is taken out silently, point by point: nothing else could be meant, and
-a flight may cross the end of a week. Leap seconds (UTC for GPS) are found by `consistency`, since
-a shift of 18 s may still lie within the flight.
+Strips and trajectory get one time system, GPS seconds of the trajectory's week. LAS holds seconds
+of the GPS week, or adjusted standard GPS time (seconds since 1980-01-06, less 1e9); an SBET the
+former as a rule. The size of the numbers tells them apart; the header's bit may lie. A multiple of
+a week is taken out silently, point by point: nothing else could be meant, and a flight may cross
+the end of a week. Leap seconds (UTC for GPS) are found by `consistency`, since a shift of 18 s may
+still lie within the flight.
 """
 
 from dataclasses import dataclass, replace

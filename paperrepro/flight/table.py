@@ -5,9 +5,8 @@ height of the sensor); roll, pitch, heading. The ring from ``ring`` (or the ring
 or from ``vertical_angle`` in degrees, or radians if its name or its size say so. ``gps_time`` or
 ``time`` where there is one.
 
-A pose per point, in columns of its own, where there is no trajectory file.
-
-The paper's record is such a one: x, y, z, intensity, range, vertical and horizontal angle,
+Where there is no trajectory file each point has its pose in columns of its own, as in the paper's
+record: x, y, z, intensity, range, vertical and horizontal angle,
 latitude, longitude, elevation, roll, pitch, heading. Columns are known by their names, without
 prefixes such as ``Sensor``; units by a suffix such as ``Rads``. What the
 heading counts from, the rays tell (`READINGS`), and the unit where no suffix does.

@@ -3,11 +3,10 @@
 The reference is an independent cloud whose roofs are segmented by the same chain (section 3.2.3),
 or planes known otherwise. The same faces and points are used for every mounting that is compared.
 
-How far strips lie apart: distances of points of one strip from local planes of another.
-
-No plane that the adjustment knew is asked. Which point belongs to which neighbours in the other
-strip is settled once, under the calibrated mounting, and the same correspondences are measured
-under any other. A neighbourhood that is not planar, as in a crown, takes no part.
+How far strips lie apart is measured by distances of points of one strip from local planes of
+another; no plane that the adjustment knew is asked. Which point belongs to which neighbours is
+decided once, under the calibrated mounting, and the same correspondences are measured under any
+other. A neighbourhood that is not planar, as in a crown, takes no part.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,8 +1,7 @@
-"""Cells, and the thinned cloud on which planes are grown.
+"""Cells: the thinned cloud on which planes are grown, and points in boxes.
 
-Points in boxes and cells.
-
-Column by column: along the short side of (N, 3) NumPy takes twenty times as long.
+Coordinates are taken column by column: along the short side of (N, 3) NumPy takes twenty times as
+long.
 """
 
 from dataclasses import dataclass

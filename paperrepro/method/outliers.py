@@ -1,11 +1,10 @@
 """Statistical outlier removal, SOR (reference 39 of the paper: Rusu et al. 2008).
 
-Mean distance of every point to its nearest neighbours, by a horizontal grid.
-
-A strip is a surface seen from above: in plan its points are spread evenly enough for a grid, and a
-grid is searched several times faster than a tree. The search is exact. Points are sorted by cell;
-a query looks at the square of cells around it whose half width is that of the point before, made
-wider until the k-th neighbour lies within. Clouds that a grid does not suit go to a k-d tree.
+The mean distance of every point to its nearest neighbours comes from a horizontal grid. A strip is
+a surface seen from above: in plan its points are spread evenly enough for a grid, and a grid is
+searched several times faster than a tree. The search is exact. Points are sorted by cell; a query
+looks at the square of cells around it whose half width is that of the point before, made wider
+until the k-th neighbour lies within. Clouds that a grid does not suit go to a k-d tree.
 """
 
 from dataclasses import dataclass

@@ -5,11 +5,9 @@ Segments are then cut by a grid that is the same for all strips, so that what tw
 place are two patches of one footprint, and ground that rolls is flat enough within each. A patch
 steeper than 45 degrees is cut by a grid in the vertical plane it faces.
 
-Which patches of different strips are the same place of the same surface.
-
-A patch has no outline to recognise it by. Two correspond when their normals agree, one lies near
-the plane of the other, and each is the other's best. While the boresight is coarse a patch may lie
-a tile or more from its like; later both must lie in one cell of the common grid.
+A patch has no outline to recognise it by in another strip. Two correspond when their normals agree,
+one lies near the plane of the other, and each is the other's best. While the boresight is coarse a
+patch may lie a tile or more from its like; later both must lie in one cell of the common grid.
 """
 
 from collections.abc import Mapping

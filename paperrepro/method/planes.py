@@ -1,9 +1,5 @@
-"""Planes in a thinned cloud: PCA fit, local planes, and region growing (reference 42: Rabbani et
-al. 2006). A plane is n.p - d = 0 with |n| = 1 and n_z >= 0.
-
-Planes of an object by RANSAC (reference 41: Fischler and Bolles 1981).
-
-The least eigenvalue of a 3 x 3 symmetric matrix, for loops over millions of them.
+"""Planes in a thinned cloud: PCA, RANSAC (reference 41 of the paper: Fischler and Bolles 1981) and
+region growing (reference 42: Rabbani et al. 2006). A plane is n.p - d = 0 with |n| = 1, n_z >= 0.
 """
 
 from dataclasses import dataclass

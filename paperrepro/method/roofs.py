@@ -3,9 +3,8 @@
 candidates: statistical outlier removal -> progressive morphological filter (non-ground)
 extract:    thin -> objects -> RANSAC -> region growing -> PCA planes -> faces -> gables
 
-Faces: segments of the thinned cloud, brought back to the full density.
-
-Gable roofs from pairs of faces, and their virtual points (section 2.2.4, Fig. 4).
+Faces are segments of the thinned cloud, brought back to the full density; two faces make a gable
+with a virtual point on its ridge (section 2.2.4, Fig. 4).
 """
 
 from dataclasses import dataclass, field, replace

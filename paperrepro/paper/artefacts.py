@@ -1,7 +1,6 @@
 """Every table and figure: what it shows, what the paper has there, which notebook makes it.
 
-What our tables and figures show, in sentences whose numbers are read from rows.
-
+Captions are sentences whose numbers are read from rows:
 ``{0[fig07/SL/rmse_reference_calibration]:cm}`` is the value of artefact "fig07", scenario "SL" and
 that metric, in centimetres; "@table4" behind it asks for another preset than the run's own.
 """

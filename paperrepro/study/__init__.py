@@ -1,4 +1,4 @@
-"""."""
+"""Many simulated surveys: sweeps of notebooks, studies for the ledger, and what they say."""
 
 from paperrepro import _modules_of
 

@@ -1,34 +1,25 @@
-"""Normal equations of the point-on-plane condition, a block per plane.
+"""Conditions of the adjustments and their normal equations: points and centroids on planes.
 
-The condition of one laser point is ``f(x, pi, l) = n . p(x, l) - d = 0``, Eq. (3) and (4), with
-the unknowns ``x`` (boresight and range offsets), the plane ``pi = (n, d)`` and nine observations
-``l``. It is one equation with many observations, so ``B Q B'`` is a number. Each point is
-linearised at its adjusted observations: for given ``x`` and ``pi`` the residuals ``v`` that bring
-it onto the plane at least cost are found first (Skaloud and Lichti 2006, section 3).
+**Points**, Eq. (3) and (4): ``f(x, pi, l) = n . p(x, l) - d = 0``, with the unknowns ``x``
+(boresight and range offsets), the plane ``pi = (n, d)`` and nine observations ``l``. It is one
+equation with many observations, so ``B Q B'`` is a number. Each point is linearised at its adjusted
+observations: for given ``x`` and ``pi`` the residuals ``v`` that bring it onto the plane at least
+cost are found first (Skaloud and Lichti 2006, section 3). Sums are taken plane by plane, so the
+result does not depend on the number of threads.
 
-PlaneNormals are summed plane by plane, so the result does not depend on the number of threads.
+**Centroids**, Eq. (5): the centroid of a face lies on the face's plane in other strips. It is taken
+as one virtual laser point. Its range and angles are averages, so their variances fall with the
+number of points; its pose is shared by all of them, so the variance of the GNSS/INS does not. Where
+the plane is taken from a reference strip, that strip's own pose error moves it, and adds.
 
-Rays with the sines and cosines of their angles, and what the estimators' kernels ask of one.
-
-No unknown changes an observed angle, so its sine and cosine are computed once. Derivatives are
-taken backwards: the plane's normal is brought to the body and to the laser, where a derivative is
-one scalar product, and no 3 x 9 matrix is built. The forward form, which the tests compare with,
-is `georeference.point_jacobians`.
-
-The centroid condition, Eq. (5): the centroid of a face lies on the face's plane in other strips.
-
-A centroid is treated as one virtual laser point. Its range and angles are averages, so their
-variances fall with the number of points; its pose is shared by all of them, so the variance of the
-GNSS/INS does not fall. Where the plane is taken from a reference strip, that strip's own pose error
-moves it, and adds.
-
-Centroid and plane of a face as functions of the unknowns, with their derivatives.
-
-A reference plane is no constant: it moves with the boresight as the points on it do. Its normal is
+A **reference plane** is no constant: it moves with the boresight as its points do. Its normal is
 the eigenvector of least eigenvalue of the scatter ``S(x)``; the derivative of an eigenvector is
 ``sum_m u_m (u_m . dS n) / (lambda_0 - lambda_m)``.
 
-When a Gauss-Newton iteration ends, and how far it settles the observations meanwhile.
+No unknown changes an observed angle, so its sine and cosine are computed once (`PreparedRays`).
+Derivatives are taken backwards in `kernels`: the plane's normal is brought to the body and to the
+laser, where a derivative is one scalar product. The forward form, which the tests compare with, is
+`georeference.point_jacobians`.
 """
 
 from collections.abc import Callable
@@ -52,8 +43,8 @@ MAX_ITERATIONS = 50
 TOLERANCE = 1e-9
 #: Change of a misclosure, m, at which a point's adjusted observations are final: each step gains
 #: some five digits, so what is left is rounding. While the unknowns still move, by more than
-#: `NEARLY` rad or m, `SETTLING` does: what it leaves out moves them by less than 1e-9.
-SETTLED, SETTLING, NEARLY = 1e-10, 1e-4, 1e-6
+#: `NEARLY` rad or m, `ROUGH` does: what it leaves out moves them by less than 1e-9.
+FINAL, ROUGH, NEARLY = 1e-10, 1e-4, 1e-6
 
 
 @dataclass
@@ -62,7 +53,7 @@ class Iterations:
     the largest correction, ``change`` rad or m, of the last."""
 
     made: int = 0
-    settled: float = SETTLING
+    final_m: float = ROUGH
     change: float = np.inf
     converged: bool = False
 
@@ -70,9 +61,9 @@ class Iterations:
         """Note the corrections of one iteration."""
         self.made += 1
         self.change = max(float(np.abs(values).max()) for values in corrections)
-        self.converged = self.change < TOLERANCE and self.settled == SETTLED
+        self.converged = self.change < TOLERANCE and self.final_m == FINAL
         if self.change < NEARLY:
-            self.settled = SETTLED
+            self.final_m = FINAL
 
     @property
     def too_many(self) -> bool:
@@ -196,12 +187,12 @@ def point_blocks(
     unknowns: Unknowns,
     x: np.ndarray,
     variances: np.ndarray,
-    settled: float = SETTLED,
+    final_m: float = FINAL,
 ) -> PlaneNormals:
     """Normal equations of Eq. (4) for points ``ranges[g, 0]:ranges[g, 1]`` on plane ``g``.
 
     ``planes`` (G, 4) holds (n, d) with d reckoned from ``origin`` (G, 3), ``variances`` (9,);
-    ``settled`` m as `sightlines.settle` has it.
+    ``final_m`` m as `kernels.adjust_observations` has it.
     """
     n_planes, size = len(planes), unknowns.size + 4
     N, t, chi2 = np.zeros((n_planes, size, size)), np.zeros((n_planes, size)), np.zeros(n_planes)
@@ -214,7 +205,7 @@ def point_blocks(
         planes,
         *turned,
         variances,
-        settled,
+        final_m,
     )
     over_threads(sum_points, n_planes, *arguments, N, t, chi2, least=1)
     lower = np.tril_indices(size, -1)

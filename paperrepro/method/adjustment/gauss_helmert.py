@@ -73,13 +73,13 @@ def solve_free(
     planes: np.ndarray,
     pseudo: PriorObservations,
 ) -> Solution:
-    """Adjust ``x`` (u,) together with unit-norm ``planes`` (G, 4); ``blocks(x, planes, settled)``.
+    """Adjust ``x`` (u,) together with unit-norm ``planes`` (G, 4); ``blocks(x, planes, final_m)``.
 
     Raises `NoConvergence`, `RankDefect`.
     """
     iterations = Iterations()
     while not iterations.converged:
-        condition = blocks(x, planes, iterations.settled)
+        condition = blocks(x, planes, iterations.final_m)
         inverse = _bordered_inverse(condition, planes)
         data = _schur(condition, inverse, planes)
         dx = _correction(data, pseudo, x)
@@ -109,7 +109,7 @@ def solve_reference(
     iterations = Iterations()
     while not iterations.converged:
         planes, J = plane_states(x)
-        condition = blocks(x, planes, iterations.settled)
+        condition = blocks(x, planes, iterations.final_m)
         data = _fold(condition, J)
         dx = _correction(data, pseudo, x)
         x = x + dx

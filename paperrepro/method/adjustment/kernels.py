@@ -10,7 +10,7 @@ from paperrepro.method.georeference import body_to_map
 @numba.njit(cache=True, nogil=True)
 def sum_points(
     first, last, position, turns, rho, ring, ranges, origin, planes, R_l_b, turn_axes, lever,
-    offsets, ring_column, variances, settled, N, t, chi2,
+    offsets, ring_column, variances, final_m, N, t, chi2,
 ):  # fmt: skip
     """Fill ``N``, ``t`` and ``chi2`` of planes ``first`` to ``last``."""
     v, b, row = np.empty(9), np.empty(9), np.empty(8)
@@ -20,9 +20,9 @@ def sum_points(
         plane, near = planes[g], origin[g]
         for i in range(ranges[g, 0], ranges[g, 1]):
             there, then = ray(position, turns, i)
-            w, s = settle(
+            w, s = adjust_observations(
                 there, then, rho[i], plane, near, R_l_b, turn_axes, lever, offsets[ring[i]],
-                variances, settled, v, b, row,
+                variances, final_m, v, b, row,
             )  # fmt: skip
             _add_products(row, w, 1.0 / s, sums, ring[i] if per_ring else 0)
             chi2[g] += w * w / s
@@ -107,14 +107,14 @@ def body_ray(turns, r, R_l_b):
 
 
 @numba.njit(cache=True)
-def settle(
-    position, turns, rho, plane, origin, R_l_b, turn_axes, lever, offset, variances, settled, v, b,
+def adjust_observations(
+    position, turns, rho, plane, origin, R_l_b, turn_axes, lever, offset, variances, final_m, v, b,
     row,
 ):  # fmt: skip
     """Misclosure ``w = f(l + v) - B v`` and ``s = B Q B'`` at the adjusted observations.
 
     One `ray` against ``plane`` (4,), d from ``origin`` (3,); its observations are final where ``w``
-    changes by less than ``settled`` m. Leaves the residuals in ``v`` (9,), B in ``b`` (9,), and in
+    changes by less than ``final_m`` m. Leaves the residuals in ``v`` (9,), B in ``b`` (9,), and in
     ``row`` (8,) the row of A: three angles, the ring's offset, n and d.
     """
     v[:] = 0.0
@@ -137,7 +137,7 @@ def settle(
         for m in range(9):
             w -= b[m] * v[m]
         s = _variance(b, variances)
-        if abs(w - before) < settled:
+        if abs(w - before) < final_m:
             break
     return w, s
 

@@ -5,9 +5,8 @@ a wrong match, a chimney, snow on the roof or a jump of the trajectory would mov
 D's conditions such a bias is minus the view's own plane distance, so its normal equations are rows
 that exist already.
 
-The Cramer-Rao bound: what no unbiased estimate from the same points can undercut.
-
-Computed where the truth is known: at the true mounting, under the process that the trajectory's
+The Cramer-Rao bound says what no unbiased estimate from the same points can undercut. It is
+computed where the truth is known: at the true mounting, under the process that the trajectory's
 error really follows, with nodes so close that nothing happens between them. White noise of the
 poses is left out, so the true bound is a little higher and the comparison a little strict.
 """

@@ -1,4 +1,4 @@
-"""SL, A, B, C, and D: estimators of the same boresight from the same matched faces.
+"""SL, A, B and C, estimators of one boresight from the same matched faces, and the refinement.
 
 =====  ==========================  ======================  =========================
 name   unknowns                    planes                  conditions
@@ -12,11 +12,10 @@ C      boresight, offsets, planes  free, unit normals      points and centroids
 SL is Skaloud and Lichti 2006, the paper's [11]. Range offsets have no datum, a common one is nearly
 a height shift: each is observed as zero with the scanner's stated accuracy.
 
-Refinement of the boresight by the point-to-plane model, Eq. (6)-(9).
-
-Each point of a face in one strip is projected at right angles on its matched plane in another; the
-boresight that makes the projections shortest is sought, everything else held. The target plane is
-fitted to its own strip's points and moves with the boresight like the points do.
+The refinement, Eq. (6)-(9), takes the boresight alone: each point of a face in one strip is
+projected at right angles on its matched plane in another; the boresight that makes the projections
+shortest is sought, everything else held. The target plane is fitted to its own strip's points and
+moves with the boresight like the points do.
 """
 
 from collections.abc import Callable
@@ -27,7 +26,7 @@ import numpy as np
 from paperrepro._compiled import one_blas_thread
 from paperrepro.errors import BadInput, TooFewPlanes
 from paperrepro.method.adjustment.conditions import (
-    SETTLED,
+    FINAL,
     FaceStates,
     PlaneNormals,
     PreparedRays,
@@ -200,8 +199,8 @@ class _Model:
         J[:, 3] -= np.einsum("gak,ga->gk", J[:, :3], self.origin)
         return planes, J
 
-    def blocks(self, x: np.ndarray, planes: np.ndarray, settled: float = SETTLED) -> PlaneNormals:
-        """All conditions at ``x`` and ``planes``; ``settled`` m as `sightlines.settle` has it."""
+    def blocks(self, x: np.ndarray, planes: np.ndarray, final_m: float = FINAL) -> PlaneNormals:
+        """All conditions at ``x`` and ``planes``; ``final_m`` m: `kernels.adjust_observations`."""
         parts = []
         if self.scenario.has_points:  # Eq. (4)
             parts.append(
@@ -213,7 +212,7 @@ class _Model:
                     self.unknowns,
                     x,
                     self.variances,
-                    settled,
+                    final_m,
                 )
             )
         if self.scenario.centroids:  # Eq. (5)

@@ -40,7 +40,7 @@ ROUGHNESS, FTOL = 14, 0.02
 #: A logarithm known to a tenth leaves nothing open.
 MANY = 100.0
 #: Rounds of estimating components and adjusting under them, and change at which they end.
-ROUNDS, SETTLED = 3, 0.05
+ROUNDS, FINAL = 3, 0.05
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ def estimate(
             options={"gtol": 0.2, "ftol": FTOL / max(abs(likelihood(logs)[0]), 1.0), "maxiter": 40},
         )  # fmt: skip
         logs = step * found.x
-        if np.abs(logs - before).max() < SETTLED:
+        if np.abs(logs - before).max() < FINAL:
             break
     return _with_uncertainty(likelihood, logs, step, free)
 

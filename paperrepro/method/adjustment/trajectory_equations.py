@@ -1,29 +1,19 @@
 """Normal equations of scenario D: the point-on-plane condition with the pose error as an unknown.
 
-Points of one face between two neighbouring nodes form a cell. All of a cell's points share one
-plane and two nodes, so a cell's normal equations are one small dense block; blocks are summed cell
-by cell, independent of the number of threads. A plane has three unknowns: two turns of its normal
-and its distance d.
+Points of one face between two neighbouring nodes in time form a cell. They share one plane and two
+nodes, so a cell's normal equations are one small dense block; blocks are summed cell by cell,
+independent of the number of threads. A plane has three unknowns: two turns of its normal and its
+distance d.
 
-Symmetric block-tridiagonal systems: solution, determinant and the blocks of the inverse.
+The prior of a trajectory's error is a first-order Gauss-Markov process: between nodes dt apart it
+keeps ``exp(-dt / tau)`` of itself and gains the rest at random, so that its variance stays
+``sigma**2``. It knows nothing of strips: across a turn it forgets as much as the turn is long.
+Between nodes the error is interpolated linearly.
 
-The normal equations of a trajectory's nodes couple neighbours only. Forward elimination with blocks
-``S_k = D_k - E_{k-1}' S_{k-1}^-1 E_{k-1}`` costs time in proportion to the flight; LAPACK does it
-on the band, whose Cholesky factor holds that of each ``S_k``. The inverse's diagonal blocks follow
-backwards (Erisman and Tinney 1975).
-
-First-order Gauss-Markov process on nodes in time: the prior of a trajectory's error.
-
-Between nodes dt apart the error keeps ``exp(-dt / tau)`` of itself and gains the rest at random, so
-that its variance stays ``sigma**2``. The process knows nothing of strips: across a turn it forgets
-as much as the turn is long. Interpolated linearly between nodes.
-
-The lever arm as an unknown of scenario D, and whether a flight determines it.
-
-Opposite headings separate its forward and right parts from everything but the trajectory's own
-position error, which averages out over the strips. Its down part moves all strips alike, and the
-planes are unknown too: only the tilts of the body in gusts and turns tell it from them. Without
-such tilts it keeps what it was before the flight.
+The lever arm may be an unknown, too. Opposite headings separate its forward and right parts from
+everything but the trajectory's own position error, which averages out over the strips. Its down
+part moves all strips alike, and the planes are unknown too: only the tilts of the body in gusts and
+turns tell it from them. Without such tilts it keeps what it was before the flight.
 """
 
 from dataclasses import dataclass
@@ -33,8 +23,8 @@ import numpy as np
 from scipy.linalg import cholesky_banded
 
 from paperrepro._compiled import over_threads
-from paperrepro.method.adjustment.conditions import SETTLED, PreparedRays, Unknowns, axes
-from paperrepro.method.adjustment.kernels import moved, ray, settle
+from paperrepro.method.adjustment.conditions import FINAL, PreparedRays, Unknowns, axes
+from paperrepro.method.adjustment.kernels import adjust_observations, moved, ray
 from paperrepro.method.georeference import body_to_map
 from paperrepro.method.tie_planes import TiePlanes
 from paperrepro.survey import Mounting
@@ -152,12 +142,12 @@ def cell_blocks(
     x: np.ndarray,
     error: np.ndarray,
     variances: np.ndarray,
-    settled: float = SETTLED,
+    final_m: float = FINAL,
 ) -> CellBlocks:
     """`CellBlocks` at ``x``, the views' ``planes`` (F, 4), d from ``origin`` (F, 3), pose errors
     ``error`` (K, 6) m and rad, and ``variances`` (9,) of the observations, free of what the error
-    stands for; ``turns`` (F, 3, 2) how a plane's normal moves with its two unknowns; ``settled`` m
-    as `sightlines.settle` has it.
+    stands for; ``turns`` (F, 3, 2) how a plane's normal moves with its two unknowns; ``final_m`` m
+    as `kernels.adjust_observations` has it.
     """  # fmt: skip
     size = unknowns.size + N_PLANE + N_NODES
     n_cells = len(cells.ranges)
@@ -166,7 +156,7 @@ def cell_blocks(
     over_threads(
         _cell_blocks, n_cells, *cells.sight.columns(), cells.share, cells.rate, cells.ranges,
         cells.node, origin[cells.face], planes[cells.face], turns[cells.face], error,
-        R_l_b, axes(R_l_b, dR_l_b), *mounted, variances, settled,
+        R_l_b, axes(R_l_b, dR_l_b), *mounted, variances, final_m,
         3 * unknowns.lever, unknowns.clock_delay(x), N, t, chi2, least=8,
     )  # fmt: skip
     return CellBlocks(N, t, chi2)
@@ -175,7 +165,7 @@ def cell_blocks(
 @numba.njit(cache=True, nogil=True)
 def _cell_blocks(
     first, last, position, turns, rho, ring, share, rate, ranges, node, origin, planes, plane_turns,
-    error, R_l_b, turn_axes, lever, offsets, ring_column, variances, settled, n_lever, delay, N, t,
+    error, R_l_b, turn_axes, lever, offsets, ring_column, variances, final_m, n_lever, delay, N, t,
     chi2,
 ):  # fmt: skip
     """Fill ``N``, ``t`` and ``chi2`` of cells ``first`` to ``last``."""
@@ -198,9 +188,9 @@ def _cell_blocks(
                     e[m] += delay * rate[i, m]
             there, then = ray(position, turns, i)
             there, then = moved(there, then, e)
-            w, s = settle(
+            w, s = adjust_observations(
                 there, then, rho[i], plane, near, R_l_b, turn_axes, lever, offsets[ring[i]],
-                variances, settled, v, b, seen,
+                variances, final_m, v, b, seen,
             )  # fmt: skip
             _fill_row(seen, b, share[i], plane_turns[c], row)
             if n_lever > 0:

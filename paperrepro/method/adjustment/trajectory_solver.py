@@ -13,8 +13,8 @@ from scipy.linalg import cho_factor, cho_solve
 
 from paperrepro.errors import BadInput, NoConvergence
 from paperrepro.method.adjustment.conditions import (
+    FINAL,
     MAX_ITERATIONS,
-    SETTLED,
     TOLERANCE,
     Iterations,
     face_states,
@@ -154,14 +154,14 @@ class TrajectoryModel:
         on = self.tie_planes.plane
         return _turned(state.planes[on], self.bases(state.planes)[on], turns)
 
-    def blocks(self, state: "State", settled: float = SETTLED) -> CellBlocks:
-        """Normal equations of the conditions at ``state``, cell by cell; ``settled`` m as
-        `sightlines.settle` has it."""
+    def blocks(self, state: "State", final_m: float = FINAL) -> CellBlocks:
+        """Normal equations of the conditions at ``state``, cell by cell; ``final_m`` m as
+        `kernels.adjust_observations` has it."""
         planes = self.view_planes(state)
         turns = _bases(planes, self.axes[self.tie_planes.plane])[:, :3, :2]
         return cell_blocks(
             self.cells, self.origin[self.tie_planes.plane], planes, turns, self.unknowns, state.x,
-            state.correction, self.variances, settled,
+            state.correction, self.variances, final_m,
         )  # fmt: skip
 
     def normals(self, state: "State", noise: Noise) -> "DataNormals":
@@ -395,18 +395,18 @@ def iterate(
     """Gauss-Newton from ``state``, until a step is tiny or lowers the sum of squares by less than
     ``least``; raises `NoConvergence`."""
     iterations = Iterations()
-    settled = False
-    while not settled:
-        blocks = model.blocks(state, iterations.settled)
+    done = False
+    while not done:
+        blocks = model.blocks(state, iterations.final_m)
         data = model.assemble(blocks, noise)
         step = eliminate(data, model, noise, state)
         state = model.moved(state, step)
-        final = iterations.settled == SETTLED
+        final = iterations.final_m == FINAL
         iterations.take(step.dy, step.d_error)
         if step.decrement < least:
-            iterations.settled = SETTLED
-        settled = iterations.converged or (step.decrement < least and (final or least > 1e-6))
-        if iterations.made >= MAX_ITERATIONS and not settled:
+            iterations.final_m = FINAL
+        done = iterations.converged or (step.decrement < least and (final or least > 1e-6))
+        if iterations.made >= MAX_ITERATIONS and not done:
             raise NoConvergence(
                 f"scenario D: no convergence after {MAX_ITERATIONS} iterations, last correction "
                 f"{iterations.change:.2e} (limit {TOLERANCE:.0e}); look for wrong matches"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from paperrepro.frames import R_NOMINAL, boresight_matrix
-from paperrepro.method.adjustment.conditions import SETTLED, PreparedRays, axes
-from paperrepro.method.adjustment.kernels import settle
+from paperrepro.method.adjustment.conditions import FINAL, PreparedRays, axes
+from paperrepro.method.adjustment.kernels import adjust_observations
 from paperrepro.method.georeference import boresight_derivatives, point_jacobians
 from paperrepro.survey import Rays
 
@@ -21,15 +21,15 @@ def observed():
     return np.array([*pose, 33.0, *rng.uniform(-0.6, 0.6, 2)])
 
 
-def settled(observed, plane, variances):
+def final_m(observed, plane, variances):
     """w, s, v, b, row of one ray."""
     rays = Rays(observed[None, :6], np.zeros(1, int), *observed[None, [7, 8, 6]].T)
     position, turns, rho, _ = PreparedRays.of(rays).columns()
     R, dR = boresight_matrix(BORESIGHT), boresight_derivatives(BORESIGHT, R_NOMINAL)
     v, b, row, origin = np.empty(9), np.empty(9), np.empty(8), np.array([5.0, 4.0, 1.0])
     mounted = R, axes(R, dR), LEVER, OFFSET
-    last = variances, SETTLED, v, b, row
-    w, s = settle(position[0], turns[0], rho[0], plane, origin, *mounted, *last)
+    last = variances, FINAL, v, b, row
+    w, s = adjust_observations(position[0], turns[0], rho[0], plane, origin, *mounted, *last)
     return w, s, v, b, row, origin
 
 
@@ -45,7 +45,7 @@ def test_derivatives_are_those_of_the_equation_at_the_adjusted_observations(obse
     normal = np.array([0.3, -0.2, 0.8]) / np.linalg.norm([0.3, -0.2, 0.8])
     p, _, _ = forward(observed)
     plane = np.array([*normal, normal @ (p - [5.0, 4.0, 1.0]) + misclosure])
-    w, s, v, b, row, origin = settled(observed, plane, VARIANCES)
+    w, s, v, b, row, origin = final_m(observed, plane, VARIANCES)
     assert (np.abs(v[3:6]).max() > 0.02) == (misclosure > 1)
     p, J_x, J_l = forward(observed + v)
     np.testing.assert_allclose(b, normal @ J_l, atol=1e-13)
