@@ -1,6 +1,7 @@
 """What can be chosen: the configuration of a simulated survey, by preset and profile."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
 from numbers import Integral
 
 import numpy as np
@@ -33,6 +34,10 @@ NOT_NEGATIVE = (
 )  # fmt: skip
 #: The trajectory reaches so far beyond the lines, s; a scale of a tenth is no longer one, ppm.
 MOST_CLOCK_DELAY, MOST_RANGE_SCALE = 1.0, 1e5
+
+
+#: Types of what a command line can set.
+_PLAIN = (int, float, str)
 
 
 @dataclass(frozen=True)
@@ -141,6 +146,26 @@ class SimulationConfig:
 def make_config(preset: str = "mount", profile: str = "quick", **other) -> SimulationConfig:
     """A `SimulationConfig`; ``other`` are its further fields by name."""
     return SimulationConfig(preset=preset, profile=profile, **other)
+
+
+def parse_parameters(texts: Iterable[str]) -> dict:
+    """Fields of `SimulationConfig` by name, from texts such as ``clock_delay_s=0.005``.
+
+    Raises `BadInput`, with the names there are.
+    """
+    known = {one.name: one.default for one in fields(SimulationConfig)}
+    values = {}
+    for name, _, value in (text.partition("=") for text in texts):
+        if type(known.get(name)) not in _PLAIN:
+            names = ", ".join(n for n, default in known.items() if type(default) in _PLAIN)
+            raise BadInput(f"{name}: expected NAME=VALUE with a name of {names}; name one of them")
+        try:
+            values[name] = type(known[name])(value)
+        except ValueError:
+            raise BadInput(
+                f"{name}: expected a value such as {known[name]!r}, got {value!r}; give one"
+            ) from None
+    return values
 
 
 def _require_choice(what: str, value, choices) -> None:

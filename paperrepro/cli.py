@@ -258,6 +258,8 @@ def _simulate_options(commands) -> None:
     _survey(command)
     command.option("--scene", "what is flown over", "farm", choices=SCENES)
     command.option("--terrain", "how the ground runs", "rolling", choices=TERRAINS)
+    words = "an error, or another parameter of the simulation, such as clock_delay_s=0.005"
+    command.option("--error", words, action="append", metavar="NAME=VALUE")
     latitude, longitude, height = SITE
     command.option("--latitude", "of the farm, south negative", latitude, metavar="DEG")
     command.option("--longitude", "of the farm, west negative", longitude, metavar="DEG")
@@ -271,7 +273,8 @@ def _simulate(options: argparse.Namespace) -> int:
     from data_synth.operator import Site, write_survey
 
     names = "preset", "profile", "seed", "noise_scale", "scene", "terrain"
-    config = data_synth.make_config(**{name: getattr(options, name) for name in names})
+    more = data_synth.presets.parse_parameters(options.error or ())
+    config = data_synth.make_config(**{name: getattr(options, name) for name in names} | more)
     site = Site(options.latitude, options.longitude, options.height, options.zone)
     flown = pr.study.simulated.SimulatedSurvey(config, kept=True)
     with written_whole(options.out) as draft:

@@ -5,7 +5,7 @@ import pytest
 
 from data_synth import PRESETS, PROFILES, SimulationConfig, make_config
 from data_synth.navigation import NAVIGATION
-from data_synth.presets import NOT_NEGATIVE, SCENES, TERRAINS
+from data_synth.presets import NOT_NEGATIVE, SCENES, TERRAINS, parse_parameters
 from data_synth.surfaces import ROOF_SURFACES
 from paperrepro.errors import BadInput
 
@@ -77,3 +77,17 @@ def test_sites_are_whole_rows_and_columns_of_the_farm(sites):
     with pytest.raises(BadInput, match="site_"):
         make_config(**sites)
     assert make_config(site_rows=4).site_columns == 5
+
+
+def test_parameters_are_read_from_text_by_the_type_of_their_default():
+    assert parse_parameters(["navigation=smoother", "clock_delay_s=0.005", "seed=7"]) == {
+        "navigation": "smoother", "clock_delay_s": 0.005, "seed": 7,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("text", ["clock=1", "clock_delay_s=soon", "reference_noise=1", "seed", ""])
+def test_what_is_no_parameter_is_refused_with_what_there_is(text):
+    with pytest.raises(
+        BadInput, match=r"expected (NAME=VALUE with a name|a value such as)"
+    ):
+        parse_parameters([text])
