@@ -1,6 +1,6 @@
 """What only the truth can tell of a method's output: labels, false matches, recall, true planes.
 
-Takes plain arrays, so that nothing here depends on the method.
+Takes survey, truth and plain arrays, so that nothing here depends on the method.
 """
 
 from collections.abc import Iterable, Sequence

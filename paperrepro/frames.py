@@ -25,10 +25,6 @@ ANGLES, AXIS_WORDS = ("omega", "phi", "kappa"), ("roll", "pitch", "yaw")
 #: North-east-down to east-north-up; its own inverse.
 T_NED_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
-#: The boresight's angles, and what each turns: about body forward, right and down.
-ANGLES = ("omega", "phi", "kappa")
-AXIS_WORDS = ("roll", "pitch", "yaw")
-
 #: Nominal mounting, l to b: spin axis forward, azimuth zero straight down.
 R_NOMINAL = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
 

@@ -5,7 +5,7 @@ Where one fails, the hypotheses of one table are tried: each is a mistake that f
 hold, with the change that undoes it. A hypothesis that is a known convention, or one number that
 the rays determine, is mended with a note: leap seconds, a heading against grid north or the wander
 frame, heights above the geoid, a datum or epoch a few metres off. Every other one is refused, by an
-error that names it. What no ray can tell, a turn about the spin axis, is tested by `calibrate` on
+error that names it. What no ray can tell, a turn about the spin axis, is tested by `agreement` on
 the strips' agreement, with the same table.
 """
 

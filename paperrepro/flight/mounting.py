@@ -18,7 +18,7 @@ attitude_sigma_deg = [0.025, 0.025, 0.08]      # roll, pitch, heading
 correlation_time_s = 30.0
 
 Common scanners are known by name. Their elevations, in degrees and ascending, are from the makers'
-manuals: Velodyne VLP-16 63-9243 (VLP-16 and Puck Hi-Res), HDL-32E 63-9113, VLP-32C 63-9325; Hesai
+manuals: Velodyne VLP-16 63-9243 (VLP-16 and Puck Hi-Res), HDL-32E 63-9113; Hesai
 and Ouster units differ from one to the next, so their tables belong into `mounting.toml`.
 """
 

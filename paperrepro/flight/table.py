@@ -1,15 +1,11 @@
 """A text table of points with poses (CSV): the paper's record.
 
-Columns by name, in any order: x, y, z on the map; latitude, longitude, elevation (ellipsoidal
-height of the sensor); roll, pitch, heading. The ring from ``ring`` (or the ring dimension named),
-or from ``vertical_angle`` in degrees, or radians if its name or its size say so. ``gps_time`` or
-``time`` where there is one.
-
-Where there is no trajectory file each point has its pose in columns of its own, as in the paper's
-record: x, y, z, intensity, range, vertical and horizontal angle,
-latitude, longitude, elevation, roll, pitch, heading. Columns are known by their names, without
-prefixes such as ``Sensor``; units by a suffix such as ``Rads``. What the
-heading counts from, the rays tell (`READINGS`), and the unit where no suffix does.
+Each row is a point with its pose, as in the paper's record. Columns are known by name, in any order
+and without prefixes such as ``Sensor``: x, y, z on the map; latitude, longitude, elevation
+(ellipsoidal height of the sensor); roll, pitch, heading; the ring from ``ring`` (or the ring
+dimension named) or from ``vertical_angle``; ``gps_time`` or ``time`` where there is one. Angles are
+in the unit that a name's suffix tells (``Rads``); where none does, the rays tell it, and always what
+the heading counts from (`READINGS`).
 """
 
 from collections.abc import Iterable, Iterator

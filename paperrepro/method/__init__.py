@@ -39,7 +39,8 @@ STEPS = (
 @dataclass(frozen=True)
 class SurveyCalibration:
     """Roofs ``found``, the ``result`` of the calibration on them, and ``refined``, that of the
-    refinement, None for scenario D."""
+    refinement, None for scenario D and for
+    variants such as ``B 3``."""
 
     found: PlaneSurvey
     result: CalibrationResult

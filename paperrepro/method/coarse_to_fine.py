@@ -1,4 +1,4 @@
-"""Steps 1 to 5 again until the boresight settles: one search, for roofs or planes of any kind.
+"""Steps 4 and 5 again until the boresight settles: one search, for roofs or planes of any kind.
 
 A boresight error of a degree makes a roof 18 cm thick within one strip, because the fan of beams
 sees it from 10 m apart, and sets opposite strips a metre apart. So planes are found by the central

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from paperrepro.errors import BadInput
 from paperrepro.method.cells import cells
 
 
@@ -33,7 +34,7 @@ def window_sizes(params: GroundParameters) -> list[int]:
     b, largest = params.base_cells, params.largest_window_m / params.cell_m
     sequences = {"linear": lambda k: 2 * k * b + 1, "exponential": lambda k: 2 * b**k + 1}
     if params.windows not in sequences or (params.windows == "exponential" and b < 2) or b < 1:
-        raise ValueError(
+        raise BadInput(
             f"PMF windows: expected 'linear' with base >= 1 or 'exponential' with base >= 2, got "
             f"{params.windows!r} with base {b}; choose one of the two"
         )

@@ -5,9 +5,11 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
+import numpy as np
+
 from paperrepro.errors import BadInput
 from paperrepro.method.coarse_to_fine import RoofSearch
-from paperrepro.method.ground import GroundParameters
+from paperrepro.method.ground import GroundParameters, window_sizes
 from paperrepro.method.matching import MatchParameters
 from paperrepro.method.outliers import OutlierParameters
 from paperrepro.method.planes import GrowingParameters, RansacParameters
@@ -84,8 +86,13 @@ class Parameters:
                     f"{field.name}: expected {_words(field.type)}, got {value!r}; "
                     f"the default is {field.default}"
                 )
-            if field.type is not str and not value > 0:
-                raise BadInput(f"{field.name}: expected more than 0, got {value!r}")
+            if field.type is not str and not 0 < value < np.inf:
+                raise BadInput(f"{field.name}: expected a finite number above 0, got {value!r}")
+        window_sizes(GroundParameters(**self._of("ground_")))  # refuses what is no window
+        if self.ransac_max_slope_deg > 90:
+            raise BadInput(
+                f"ransac_max_slope_deg: expected at most 90, got {self.ransac_max_slope_deg}"
+            )
         for low, high in (("ransac_min_slope_deg", "ransac_max_slope_deg"),
                           ("growing_min_points", "growing_max_points")):  # fmt: skip
             if getattr(self, low) >= getattr(self, high):

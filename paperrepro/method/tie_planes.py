@@ -155,7 +155,7 @@ def require_shared(tie_planes: TiePlanes) -> None:
 def require_width(width: np.ndarray, what: list[str], least_m: float = 0.05) -> None:
     """Raise `RankDefect` where the points of a plane, or face, are only as wide as noise.
 
-    ``width`` (F,) m as in `faces.FaceStates`, ``what`` the F names.
+    ``width`` (F,) m as in `FaceStates`, ``what`` the F names.
     """
     narrow = np.flatnonzero(~(width >= least_m))
     if len(narrow):

@@ -46,8 +46,7 @@ from paperrepro.paper.verdicts import (
     printed,
     under_errors,
 )
-from paperrepro.study.rows import FOUND, REFINED, mistaken_name
-from paperrepro.study.simulated import ERRORS
+from paperrepro.study.rows import ERRORS, FOUND, REFINED, mistaken_name
 from paperrepro.study.statistics import CONFIDENCE, Evidence, Surveys
 
 #: The scenarios that the paper proposes, and its [11] with them; how the paper calls them.

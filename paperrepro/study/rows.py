@@ -24,8 +24,32 @@ BOUND = "bound"
 REFINED, WRONG, SCREENED = " refined", " wrong", " screened"
 #: Scenario D with the lever arm as an unknown; and under the noise that it finds in the data.
 LEVER_ARM, FOUND = "D lever arm", "D noise found"
-#: Errors of a survey as the specifications say; others are named in `study.simulated.ERRORS`.
+#: Errors of a survey as the specifications say.
 SPECIFIED = "specified"
+#: Kinds of errors by the parameters of the simulation. All but ``smoother`` and ``outage`` have the
+#: size of the specification, where one covers them; for the rest the size stands here.
+ERRORS = {
+    SPECIFIED: {},
+    "smoother": {"navigation": "smoother"},
+    "constant": {"navigation": "constant"},
+    "slow": {"navigation": "slow"},
+    "two-scale": {"navigation": "two-scale"},
+    "steps": {"navigation": "steps"},
+    "outage": {"navigation": "outage"},
+    "vibration": {"unseen_vibration_deg": 0.05},
+    "clock": {"clock_delay_s": 0.005},
+    "lever arm": {"lever_arm_sigma_m": 0.02},
+    "beams": {"beam_elevation_sigma_deg": 0.05, "beam_azimuth_sigma_deg": 0.05},
+    "range": {"range_scale_ppm": 300.0, "range_noise_growth": 1.0},
+    "roofs": {"roof_surface": "mixed"},
+    "natural": {"scene": "fields", "terrain": "natural", "ground_roughness_m": 0.03},
+    "together": {
+        "navigation": "two-scale", "unseen_vibration_deg": 0.01, "clock_delay_s": 0.002,
+        "lever_arm_sigma_m": 0.01, "beam_elevation_sigma_deg": 0.02,
+        "beam_azimuth_sigma_deg": 0.02, "range_scale_ppm": 300.0, "range_noise_growth": 1.0,
+        "roof_surface": "mixed",
+    },
+}  # fmt: skip
 
 
 def mistaken_name(factor: float) -> str:

@@ -47,6 +47,7 @@ from paperrepro.study.gross_error import with_wrong_match
 from paperrepro.study.rows import (
     ARTEFACT,
     BOUND,
+    ERRORS,
     FAILED,
     FOUND,
     LEVER_ARM,
@@ -178,32 +179,6 @@ class Measured:
     found: bool = False
 
 
-#: Kinds of error by the parameters of `make_config`. All have the size of the specification, but
-#: for what no specification covers: the size of that stands here.
-ERRORS = {
-    SPECIFIED: {},
-    "smoother": {"navigation": "smoother"},
-    "constant": {"navigation": "constant"},
-    "slow": {"navigation": "slow"},
-    "two-scale": {"navigation": "two-scale"},
-    "steps": {"navigation": "steps"},
-    "outage": {"navigation": "outage"},
-    "vibration": {"unseen_vibration_deg": 0.05},
-    "clock": {"clock_delay_s": 0.005},
-    "lever arm": {"lever_arm_sigma_m": 0.02},
-    "beams": {"beam_elevation_sigma_deg": 0.05, "beam_azimuth_sigma_deg": 0.05},
-    "range": {"range_scale_ppm": 300.0, "range_noise_growth": 1.0},
-    "roofs": {"roof_surface": "mixed"},
-    "natural": {"scene": "fields", "terrain": "natural", "ground_roughness_m": 0.03},
-}
-#: All that a flight may have at once.
-ERRORS["together"] = {
-    **ERRORS["beams"], **ERRORS["range"], **ERRORS["roofs"], "navigation": "two-scale",
-    "unseen_vibration_deg": 0.01, "clock_delay_s": 0.002, "lever_arm_sigma_m": 0.01,
-    "beam_elevation_sigma_deg": 0.02, "beam_azimuth_sigma_deg": 0.02,
-}  # fmt: skip
-
-
 def config_of(key: SurveyKey) -> SimulationConfig:
     """What is simulated for ``key``. Raises `BadInput`."""
     if key.errors not in ERRORS:
@@ -223,7 +198,8 @@ def planned(
     """Surveys of a study and what is measured of each: everything of the first ``seeds``; of the
     further ones up to ``coverage_seeds``, of the first preset alone, boresight and sigma. At the
     specified noise scenario D is then told a wrong specification, too. Of ``errors`` of another
-    kind than specified, boresight and sigma under each noise, D as `calibrate_flight` runs it.
+    kind than specified, boresight and sigma alone. At the specified noise of the first preset D is
+    also run as `calibrate_flight` runs it.
 
     Raises `BadInput` where there is no survey, or one that cannot be simulated.
     """

@@ -87,7 +87,5 @@ def test_parameters_are_read_from_text_by_the_type_of_their_default():
 
 @pytest.mark.parametrize("text", ["clock=1", "clock_delay_s=soon", "reference_noise=1", "seed", ""])
 def test_what_is_no_parameter_is_refused_with_what_there_is(text):
-    with pytest.raises(
-        BadInput, match=r"expected (NAME=VALUE with a name|a value such as)"
-    ):
+    with pytest.raises(BadInput, match=r"expected (NAME=VALUE with a name|a value such as)"):
         parse_parameters([text])

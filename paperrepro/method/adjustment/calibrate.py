@@ -72,7 +72,7 @@ def calibrate(
     if estimator.trajectory:
         few = tie_planes.thinned(estimator.points) if estimator.points else tie_planes
         result = trajectory_errors.calibrate_with_trajectory(
-            survey, few, found=found, near=near, lever_arm=lever_arm
+            survey, few, estimator.range_offsets, found=found, near=near, lever_arm=lever_arm
         )
     else:
         result = _judged(

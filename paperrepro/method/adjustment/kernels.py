@@ -1,4 +1,7 @@
-"""MOVED"""
+"""The loops over points and faces, compiled: conditions with their derivatives, sums over faces.
+
+The reasons are in `conditions`.
+"""
 
 import numba
 import numpy as np

@@ -1,4 +1,4 @@
-"""What an adjustment can find of its own gross errors: reliability after Baarda (1968).
+"""How good an adjustment can be: reliability after Baarda (1968), and the Cramer-Rao bound.
 
 The gross error looked for is a bias of one view: all its points moved along the plane's normal, as
 a wrong match, a chimney, snow on the roof or a jump of the trajectory would move them. In scenario

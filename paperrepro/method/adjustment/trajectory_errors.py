@@ -145,8 +145,8 @@ def calibrate_with_trajectory(
 
     The prior is ``survey.navigation``'s specification, or the noise ``found`` in the data; then the
     delay of the laser's clock is an unknown, too. ``lever_arm``: it is one, with what was given for
-    it as prior (`lever_arm.PRIOR_SIGMA`). The covariance is that of the stated (or estimated)
-    noise, not scaled by sigma0. Raises `BadInput`, `RankDefect`, `NoConvergence`.
+    it as prior (`PRIOR_SIGMA` of `trajectory_equations`). The covariance is that of the stated (or
+    estimated) noise, not scaled by sigma0. Raises `BadInput`, `RankDefect`, `NoConvergence`.
     """
     clock = found is not None and _clock_can_be_off(survey)
     if clock:

@@ -7,9 +7,10 @@ import pytest
 
 from data_synth import make_config, simulate
 from data_synth.evaluation import false_pairs, judge_views
-from paperrepro.errors import EmptyStrip, OutsideTrajectory, TooFewPlanes
-from paperrepro.method import calibrate_all, refine_all
+from paperrepro.errors import BadInput, EmptyStrip, OutsideTrajectory, TooFewPlanes
+from paperrepro.method import calibrate_all, calibrate_survey, refine_all
 from paperrepro.method.coarse_to_fine import RoofSearch, find_candidates, find_roofs, planes_under
+from paperrepro.method.parameters import Parameters
 from paperrepro.survey import Strip, Trajectory
 
 SCENARIOS = ("SL", "A", "B", "C")
@@ -112,3 +113,52 @@ def test_a_trajectory_with_a_hole_is_refused(flown):
     cut = Trajectory(trajectory.time[kept], trajectory.position[kept], trajectory.attitude[kept])
     with pytest.raises(OutsideTrajectory, match="gap of"):
         find_candidates(replace(flown.survey, trajectory=cut, strips=(strip,)))
+
+
+def test_the_seven_steps_in_one_are_the_same_steps(flown):
+    told = []
+    done = calibrate_survey(flown.survey, "A", progress=told.append)
+    steps = calibrate_all(flown.survey, flown.found, ("A",))
+    np.testing.assert_array_equal(done.result.boresight, steps["A"].boresight)
+    refined = refine_all(flown.survey, flown.points, steps)["A"]
+    np.testing.assert_array_equal(done.refined.boresight, refined.boresight)
+    assert any("points above the ground" in words for words in told)
+    assert told[-1] == "refinement"
+
+
+def test_residuals_of_a_view_can_be_asked_for(flown):
+    result = calibrate_all(flown.survey, flown.found, ("D",))["D"]
+    planes = flown.found.tie_planes
+    residuals, views = result.residuals(planes), result.residuals_of_views(planes)
+    assert len(residuals) == len(planes.rays)
+    assert len(views) == len(planes.ranges)
+    first, last = planes.ranges[3]
+    assert views[3] == pytest.approx(residuals[first:last].mean())
+    assert np.sqrt(np.mean(residuals**2)) < 0.04  # range noise; the trajectory's error is removed
+    with pytest.raises(BadInput, match="expected the"):
+        result.residuals(planes.thinned(10))
+
+
+def test_parameters_are_those_of_the_last_pass_by_default():
+    assert Parameters().search == RoofSearch()
+    assert Parameters.read("growing_angle_deg=2, ransac_min_inliers=20").search.roofs.growing == (
+        replace(RoofSearch().roofs.growing, angle_deg=2.0)
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("growing_angel_deg=2", "expected one of outlier_neighbours"),
+        ("growing_angle_deg=two", "expected a number"),
+        ("ransac_min_inliers=2.5", "expected a whole number"),
+        ("ground_windows=square", "expected 'linear'"),
+        ("ransac_max_slope_deg=200", "at most 90"),
+        ("outlier_alpha=inf", "finite"),
+        ("growing_min_points=4000", "less than growing_max_points"),
+        ("nowhere.toml", "expected a TOML file"),
+    ],
+)
+def test_parameters_that_make_no_sense_are_refused(text, said):
+    with pytest.raises(BadInput, match=said):
+        Parameters.read(text)

@@ -18,6 +18,7 @@ from paperrepro.study.rows import (
     ARTEFACT,
     BOUND,
     COLUMNS,
+    ERRORS,
     FAILED,
     FOUND,
     LEVER_ARM,
@@ -29,7 +30,6 @@ from paperrepro.study.rows import (
     frame,
     mistaken_name,
 )
-from paperrepro.study.simulated import ERRORS
 from paperrepro.study.statistics import LEAST_SEEDS, Evidence, binomial, bootstrap
 
 PAPER = ("SL", "A", "B", "C")
