@@ -26,7 +26,7 @@ unexport MPLBACKEND
 # Tests run in JOBS processes, so each of them keeps to one thread.
 one_thread := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 
-.PHONY: help setup reproduce sweep test lint bench lab clean distclean
+.PHONY: help setup reproduce sweep test lint readme bench lab clean distclean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -53,6 +53,11 @@ test: lint ## lint, tests, then every notebook on its quick profile
 
 lint: $(ready) ## ruff on the packages, tests and notebooks
 	$(bin)/ruff check .
+
+readme: $(ready) ## put the claims of figures/claims.csv into README.md
+	$(bin)/python -c "import pandas as pd, paperrepro as pr; tables = pr.paper.tables; \
+	    tables.update_between_markers('README.md', 'claims', \
+	    tables.markdown_summary(pd.read_csv('figures/claims.csv')))"
 
 bench: $(ready) ## time every stage beside its peers, into OUT
 	$(bin)/python -m tests.benchmarks --out "$(OUT)" $(ARGS)

@@ -1,13 +1,16 @@
 """Rows and the tables read from them."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 
+import paperrepro
 from paperrepro.method.adjustment.scenarios import calibrate
 from paperrepro.method.roofs import RoofParameters
 from paperrepro.paper.published import TABLE2, TABLE4
-from paperrepro.paper.tables import calibration_rows, table2, table4
+from paperrepro.paper.tables import calibration_rows, markdown_summary, table2, table4
 from paperrepro.study.rows import COLUMNS, SurveyKey, frame, write_csv
 from tests.paperrepro.labelled import matched_faces, survey_of
 
@@ -59,3 +62,9 @@ def test_table_2_shows_every_printed_value_beside_the_one_used():
     for name, value in TABLE2.items():
         assert float(table.paper[name]) == value.value
         assert table.paper[name] == table.fine[name] or table.reading[name]
+
+
+def test_the_readme_has_the_verdicts_of_the_ledger():
+    root = Path(paperrepro.__file__).parents[1]
+    ledger = pd.read_csv(root / "figures" / "claims.csv")
+    assert markdown_summary(ledger).strip() in (root / "README.md").read_text("utf-8")
