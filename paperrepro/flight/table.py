@@ -1,11 +1,11 @@
 """A text table of points with poses (CSV): the paper's record.
 
-Each row is a point with its pose, as in the paper's record. Columns are known by name, in any order
-and without prefixes such as ``Sensor``: x, y, z on the map; latitude, longitude, elevation
+Each row is a point with its pose, as in the paper's record. Columns are known by name, in any
+order and without prefixes such as ``Sensor``: x, y, z on the map; latitude, longitude, elevation
 (ellipsoidal height of the sensor); roll, pitch, heading; the ring from ``ring`` (or the ring
-dimension named) or from ``vertical_angle``; ``gps_time`` or ``time`` where there is one. Angles are
-in the unit that a name's suffix tells (``Rads``); where none does, the rays tell it, and always what
-the heading counts from (`READINGS`).
+dimension named) or from ``vertical_angle``; ``gps_time`` or ``time`` where there is one. Angles
+are in the unit that a name's suffix tells (``Rads``); where none does, the rays tell it, and
+always what the heading counts from (`READINGS`).
 """
 
 from collections.abc import Iterable, Iterator
