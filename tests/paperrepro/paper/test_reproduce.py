@@ -83,9 +83,13 @@ def test_stopped_it_ends_what_runs_and_changes_nothing(books, tmp_path):
             time.sleep(0.1)
         os.kill(os.getpid(), signal.SIGINT)
 
-    threading.Thread(target=stop, daemon=True).start()
-    with pytest.raises(KeyboardInterrupt):
-        reproduce.reproduce(out, {"seed": 7}, jobs=2)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background
+    try:
+        threading.Thread(target=stop, daemon=True).start()
+        with pytest.raises(KeyboardInterrupt):
+            reproduce.reproduce(out, {"seed": 7}, jobs=2)
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert not out.exists()
 
 
