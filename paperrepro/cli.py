@@ -45,9 +45,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         options = _parser().parse_args(arguments)
         verbose = options.verbose
+        os.environ.setdefault("OPEN3D_DISABLE_WEB_VISUALIZER", "true")  # no web server
         with _signals(_end_at_once):  # nothing has been begun
             for module in options.needs:
-                importlib.import_module(f"paperrepro.{module}")
+                importlib.import_module(module, "paperrepro")
         with _signals(signal.default_int_handler):
             return options.run(options)
     except BadInput as error:
@@ -223,7 +224,7 @@ class _Steps:
 
 def _reproduce_options(commands) -> None:
     words = "execute every notebook; tables, figures, report (needs a clone)"
-    needs = "paper.reproduce figures.pages"
+    needs = ".paper.reproduce .figures.pages"
     command = _command(commands, _reproduce, words, "--profile paper", needs)
     _survey(command)
     words = "else figures with --profile paper, runs/quick without"
@@ -252,7 +253,7 @@ def _reproduce(options: argparse.Namespace) -> int:
 
 def _simulate_options(commands) -> None:
     words = "write a simulated survey as an operator has it: LAZ, SBET, mounting"
-    command = _command(commands, _simulate, words, "--out flight", "study.simulated")
+    command = _command(commands, _simulate, words, "--out flight", ".study.simulated open3d")
     command.option("--out", "written whole", type=Path, required=True, metavar="DIR")
     command.add_argument("--force", action="store_true", help="replace files that are there")
     _survey(command)
@@ -295,7 +296,7 @@ def _calibrate_options(commands) -> None:
     command = _command(
         commands, _calibrate, "calibrate your own flight: calibration.json, report.html, strips",
         f"{_EXAMPLE} --out calibrated",
-        "flight.read flight.calibrate flight.write figures.pages figures.flight",
+        ".flight.read .flight.calibrate .flight.write .figures.pages .figures.flight",
     )  # fmt: skip
     _strips(command)
     words = "estimator: SL, A, B, C of the paper, or D, ours"
@@ -369,7 +370,7 @@ def _apply_options(commands) -> None:
     command = _command(
         commands, _apply, "write strips anew (LAS, LAZ) under the result of a calibration",
         f"{_EXAMPLE} --calibration calibrated/calibration.json --out adjusted",
-        "flight.read flight.write",
+        ".flight.read .flight.write",
     )  # fmt: skip
     _strips(command)
     words = "calibration.json"
@@ -393,7 +394,7 @@ def _sweep_options(commands) -> None:
         commands, _sweep,
         "execute a notebook over a grid of parameters (needs a clone, or --notebook)",
         "--grid noise_scale=0,1,2 --seeds 20 --out sweeps/noise",
-        "study.workers study.simulated paper.reproduce figures.study",
+        ".study.workers .study.simulated .paper.reproduce .figures.study",
     )  # fmt: skip
     words = "values of a parameter, such as noise_scale=0,1,2; may be given for several"
     more = {"action": "append", "metavar": "NAME=VALUE,VALUE"}
@@ -450,7 +451,7 @@ def _draw(rows, folder: Path, say: Callable[[str], None]) -> None:
 def _study_options(commands) -> None:
     command = _command(
         commands, _study, "measure many simulated surveys: what the ledger of claims reads",
-        "--seeds 20 --noise-scale 0.5,1,2 --out study.csv", "study.workers study.simulated",
+        "--seeds 20 --noise-scale 0.5,1,2 --out study.csv", ".study.workers .study.simulated",
     )  # fmt: skip
     command.option("--seeds", "surveys a setting", 20)
     words = "surveys of the first preset of which boresight and sigma are measured; else --seeds"

@@ -66,8 +66,8 @@ def test_the_right_sign_is_taken(few, flown):
 @pytest.mark.parametrize(
     ("components", "sigma0", "said"),
     [
-        ({"range": 1.0, "position": 1.4, "attitude": 5.2}, 1.0, "attitude 5.2 times"),
-        ({"range": 1.2, "position": 2.5, "attitude": 2.0}, 1.0, ""),
+        ({"range": 1.0, "height": 1.4, "heading": 5.2}, 1.0, "heading 5.2 times"),
+        ({"range": 1.2, "height": 2.5, "heading": 2.0}, 1.0, ""),
         (None, 3.4, "3.4 times what the noise explains"),
         (None, 1.2, ""),
     ],
