@@ -289,7 +289,7 @@ def calibration_page(
         own=own, result=result, seen=result.observability, scenario_words=SCENARIOS,
         reasons=str(result.observability).split("; ")[2:], strips=len(own.survey.strips),
         scanner=scanner.name, navigation=own.survey.navigation.name, pictures=pictures,
-        files=files, notes=[*notes, *own.remarks, *own.contradictions], angles=_angles(own),
+        files=files, notes=[*notes, *own.remarks], angles=_angles(own),
         offsets=_offsets(own), pairs=_pairs(own), planes=_planes(own), rejected=_rejected(own),
         noise=_noise(own), weak=_reliability(own), cm=CM, ratio=median_ratio(own.distances),
         passes=np.degrees(own.boresights),

@@ -90,8 +90,9 @@ def _clock(result: CalibrationResult) -> Iterator[Check]:
         delay, sigma = result.clock.delay, result.clock.sigma
         yield Check(
             "clock", abs(delay), 0.0, max(CLOCK[0], CLOCK[1] * sigma),
-            f"The laser's times are {1e3 * delay:+.2f} ms ± {1e3 * sigma:.2f} ms off the "
-            "trajectory's: the boresight is adjusted for it; correct the strips' times.",
+            f"The laser's times are {1e3 * abs(delay):.2f} ± {1e3 * sigma:.2f} ms "
+            f"{'late' if delay < 0 else 'early'} against the trajectory's: the boresight is "
+            "adjusted for it; correct the strips' times.",
         )  # fmt: skip
 
 
