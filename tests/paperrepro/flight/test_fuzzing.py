@@ -5,10 +5,8 @@ gives the rays of the files as they were, or says in a note what is wrong with t
 """
 
 import json
-import os
 import shutil
 import struct
-import time
 from dataclasses import replace
 
 import laspy
@@ -25,7 +23,7 @@ from tests.paperrepro.flight.test_posed import record
 from tests.paperrepro.flight.test_round_trip import frame_of
 
 #: Changes of each kind; together at least 300.
-ROUNDS, SECONDS = 34, 120.0
+ROUNDS = 34
 #: Points of a strip: every so many of the simulated ones.
 THINNING = 160
 #: What an undiscovered change may move, m: coordinates of 0.1 mm, poses at 200 Hz.
@@ -165,7 +163,6 @@ def end_of(folder, name, right, out, capfd):
 
 def test_changed_files(flight, tmp_path, capfd):
     folder, right = flight
-    start = time.monotonic()
     ends, wrong = {kind: [0] * 4 for kind in CHANGES}, []
     for kind, (name, change) in CHANGES.items():
         original = (folder / name).read_bytes()
@@ -180,8 +177,6 @@ def test_changed_files(flight, tmp_path, capfd):
     assert sum(map(sum, ends.values())) >= 300
     assert all(refused for _, _, refused, _ in ends.values()), ends
     assert sum(taken for taken, *_ in ends.values()) > 20, ends
-    if "CI" in os.environ:
-        assert time.monotonic() - start < SECONDS
 
 
 @pytest.mark.parametrize("number", range(12))
