@@ -25,7 +25,7 @@ def good():
 
 
 def failed(result, tie_planes, sl=None):
-    return {c.name for c in model_checks(result, survey_of(), tie_planes, sl) if not c.passed}
+    return {c.name for c in model_checks(result, survey_of(), sl) if not c.passed}
 
 
 def test_a_good_flight_contradicts_nothing(good):
@@ -36,7 +36,7 @@ def test_a_good_flight_contradicts_nothing(good):
 def test_only_d_is_checked():
     tie_planes, _ = flown(4, count=60)
     sl = calibrate_paper(survey_of(), tie_planes, "SL")
-    assert model_checks(sl, survey_of(), tie_planes) == ()
+    assert model_checks(sl, survey_of()) == ()
 
 
 def test_a_wrong_beam_table_is_named():
@@ -70,8 +70,8 @@ def test_what_the_result_says_is_judged(good):
 
 
 def test_a_sentence_says_the_value_and_what_to_do(good):
-    result, tie_planes, _ = good
-    for check in model_checks(result, survey_of(), tie_planes):
+    result, _, _ = good
+    for check in model_checks(result, survey_of()):
         assert isinstance(check, Check)
         assert any(character.isdigit() for character in check.sentence)
         assert check.sentence.endswith(".")
