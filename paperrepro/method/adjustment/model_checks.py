@@ -23,6 +23,11 @@ PROCESS = (0.5, 2.0)
 FAST = 0.3
 #: Factors on the specified sigma below which a boresight's sigma rests on the estimate of them.
 BELOW = 0.5
+#: Seconds between which the trajectory's error may step, and the largest change in this time in
+#: units of their RMS: of Gauss-Markov processes it was 3 to 5.5, of steps 8 to 18.
+STEP_TIME, STEPS = 0.5, 6.5
+#: A component counts where the data leave less than this share of its sigma; so many moments do.
+SEEN, LEAST_MOMENTS = 0.6, 50
 #: RMS of the beams' errors in the scanner's angle_sigma; range offsets in their prior sigma.
 BEAMS, OFFSETS = 1.3, 5.0
 #: Difference between D and SL in D's sigma: SL's own errors are about twice as large.
@@ -65,6 +70,7 @@ def model_checks(
         _residuals(result),
         *_clock(result),
         *_process(result),
+        *_steps(result),
         *_components(result),
         *_beams(result, survey),
         *_offsets(result, survey),
@@ -102,6 +108,28 @@ def _process(result: CalibrationResult) -> Iterator[Check]:
             f"process_{name}", float(value), *PROCESS,
             f"The trajectory's error in {name} has {value:.1f} times the variance that the "
             "adjustment was told: give an accuracy file, or [navigation] as the flight had it.",
+        )  # fmt: skip
+
+
+def _steps(result: CalibrationResult) -> Iterator[Check]:
+    """The largest change of the trajectory's error within half a second, among its like."""
+    found = result.trajectory
+    later = np.searchsorted(found.time, found.time + STEP_TIME - 1e-6)
+    later[later == len(found.time)] = 0
+    pairs = np.flatnonzero(np.abs(found.time[later] - found.time - STEP_TIME) < 1e-3)
+    change = np.abs(found.correction[later[pairs]] - found.correction[pairs])
+    seen = found.sigma[pairs] < SEEN * found.prior_sigma
+    values = [
+        moments.max() / np.sqrt(np.square(moments).mean())
+        for moments in (column[where] for column, where in zip(change.T, seen.T, strict=True))
+        if len(moments) > LEAST_MOMENTS and moments.max() > 0
+    ]
+    if values:
+        value = float(max(values))
+        yield Check(
+            "steps", value, 0.0, STEPS,
+            f"The trajectory's error changes within half a second by {value:.1f} times the RMS of "
+            "such changes: it steps. Look for lost satellites or other fixes in its processing.",
         )  # fmt: skip
 
 

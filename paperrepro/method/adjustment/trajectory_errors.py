@@ -48,7 +48,7 @@ NODE_SPACING = 0.1
 #: Points a face, and seconds between nodes, that show what a flight determines.
 WITNESSES, WITNESS_SPACING = 200, 0.5
 #: A delay of the clock is beyond doubt from so many of its sigma on; how often it is looked for.
-CLOCK_SIGMAS, CLOCK_ROUNDS = 4.0, 6
+CLOCK_SIGMAS, CLOCK_ROUNDS, LEAST_SHARE = 4.0, 6, 0.1
 #: Errors of the beams, rad, before the data; and by how much they must raise twice the logarithm of
 #: the likelihood to be unknowns: by chance one flight of a thousand does.
 BEAM_SIGMA, BEAM_EVIDENCE = np.radians(0.05), 10.0
@@ -87,8 +87,9 @@ def _clock_can_be_off(survey: Survey) -> bool:
 def _find_delay(survey: Survey, tie_planes: TiePlanes, near: np.ndarray, spacing: float) -> float:
     """Delay of the laser's clock, s, where it is beyond doubt, before any component could take it
     for an error of the trajectory. Noise of the reported poses makes each estimate too small by a
-    share, so poses are taken at the later time and the rest is looked for, until there is none."""
-    delay, components = 0.0, VarianceComponents()
+    share: poses are taken at the later time and the rest is looked for, until there is none; how
+    much of a known delay the estimate followed says the share."""
+    delay, components, before, share = 0.0, VarianceComponents(), None, 1.0
     for _ in range(CLOCK_ROUNDS):
         moved = _delayed(survey, tie_planes, delay)
         model = TrajectoryModel.prepare(survey, moved, "per_ring", spacing, clock=True)
@@ -97,9 +98,12 @@ def _find_delay(survey: Survey, tie_planes: TiePlanes, near: np.ndarray, spacing
         solution = iterate(model, noise, state, 0.01)
         at = len(state.x) - 1
         rest, sigma = solution.state.x[at], np.sqrt(solution.step.Q[at, at])
-        if abs(rest) < (CLOCK_SIGMAS if delay == 0 else 1) * sigma:
+        if before is not None:
+            share = float(np.clip((before[1] - rest) / (delay - before[0]), LEAST_SHARE, 1.0))
+        if abs(rest) < (CLOCK_SIGMAS if delay == 0 else 1) * sigma * share:
             break
-        delay += rest
+        before = delay, rest
+        delay += rest / share
     return float(delay)
 
 
