@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba_array
 from matplotlib.lines import Line2D
+from PIL import Image
 
 from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS, canvas, scenario_name, thinned
 from paperrepro.method.accuracy import rmse
@@ -231,9 +232,9 @@ class Sliders(widgets.VBox):
             drawing.restore_region(still)
             for artist in moving:
                 ax.draw_artist(artist)
-            pixels = np.asarray(drawing.buffer_rgba())[..., :3]
-            with BytesIO() as file:
-                plt.imsave(file, pixels, format="png", pil_kwargs={"compress_level": 1})
+            pixels = Image.fromarray(np.asarray(drawing.buffer_rgba())[..., :3])
+            with BytesIO() as file:  # of 256 colours: a third of the bytes in a third of the time
+                pixels.quantize(256, Image.Quantize.FASTOCTREE, dither=0).save(file, "png")
                 return file.getvalue()
 
         def redraw(_) -> None:
