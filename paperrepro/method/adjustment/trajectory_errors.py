@@ -91,8 +91,9 @@ def _find_delay(survey: Survey, tie_planes: TiePlanes, near: np.ndarray, spacing
     much of a known delay the estimate followed says the share."""
     delay, components, before, share = 0.0, VarianceComponents(), None, 1.0
     for _ in range(CLOCK_ROUNDS):
-        moved = _delayed(survey, tie_planes, delay)
-        model = TrajectoryModel.prepare(survey, moved, "per_ring", spacing, clock=True)
+        model = TrajectoryModel.prepare(
+            *_delayed(survey, tie_planes, delay), "per_ring", spacing, clock=True
+        )
         noise = components.noise(specified_process(survey.navigation), np.zeros(6))
         state = model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
         solution = iterate(model, noise, state, 0.01)
@@ -107,15 +108,17 @@ def _find_delay(survey: Survey, tie_planes: TiePlanes, near: np.ndarray, spacing
     return float(delay)
 
 
-def _delayed(survey: Survey, tie_planes: TiePlanes, delay: float) -> TiePlanes:
-    """With the poses of ``delay`` s later."""
+def _delayed(survey: Survey, tie_planes: TiePlanes, delay: float) -> tuple[Survey, TiePlanes]:
+    """With the poses, and their rates, of ``delay`` s later. Noise of a pose is in its neighbours'
+    rates: taken of another moment, these would find a delay in it."""
     if delay == 0:
-        return tie_planes
-    rays, times = tie_planes.rays, survey.trajectory.time
-    pose = survey.trajectory.at(np.clip(rays.time + delay, times[0], times[-1]))
+        return survey, tie_planes
+    rays, times = tie_planes.rays, survey.trajectory.time - delay
+    survey = replace(survey, trajectory=replace(survey.trajectory, time=times))
+    pose = survey.trajectory.at(np.clip(rays.time, times[0], times[-1]))
     turns = np.round((rays.pose[:, 5] - pose[:, 5]) / (2 * np.pi))
     pose[:, 5] += 2 * np.pi * turns
-    return replace(tie_planes, rays=replace(rays, pose=pose))
+    return survey, replace(tie_planes, rays=replace(rays, pose=pose))
 
 
 def few_planes(tie_planes: TiePlanes, mounting: Mounting) -> TiePlanes:
@@ -132,11 +135,12 @@ def find_noise(
     spacing: float = WITNESS_SPACING,
 ) -> FoundNoise:  # fmt: skip
     """Variance components from ``tie_planes``, at a boresight ``near`` (3,) rad; where not
-    ``all_components``, those of laser and surfaces alone, and the others keep their priors."""
+    ``all_components``, those of laser and surfaces alone, and the others keep their priors: two
+    opposite strips tell neither errors of the trajectory nor of beams from a boresight."""
     clock, delay = _clock_can_be_off(survey), 0.0
     if clock:
         delay = _find_delay(survey, tie_planes, near, spacing)
-        tie_planes = _delayed(survey, tie_planes, delay)
+        survey, tie_planes = _delayed(survey, tie_planes, delay)
 
     def model_and_start(beam_sigma):
         model = TrajectoryModel.prepare(
@@ -147,7 +151,9 @@ def find_noise(
     specified, free = specified_process(survey.navigation), None if all_components else OF_LASER
     model, state = model_and_start(0.0)
     found = estimate(model, specified, state, free)
-    beam_sigma = _find_beam_sigma(*model_and_start(BEAM_SIGMA), found.components, specified)
+    beam_sigma = 0.0
+    if all_components:
+        beam_sigma = _find_beam_sigma(*model_and_start(BEAM_SIGMA), found.components, specified)
     if beam_sigma > 0:
         model, state = model_and_start(beam_sigma)
         found = estimate(model, specified, state, free)
@@ -190,7 +196,7 @@ def calibrate_with_trajectory(
     """
     clock = found is not None and _clock_can_be_off(survey)
     if clock:
-        tie_planes = _delayed(survey, tie_planes, found.delay)
+        survey, tie_planes = _delayed(survey, tie_planes, found.delay)
     model = TrajectoryModel.prepare(
         survey, tie_planes, range_offsets, spacing, lever_arm, clock,
         0.0 if found is None else found.beam_sigma,
