@@ -1,6 +1,6 @@
 """Tables for readers: Tables 2 and 4 beside the paper's, and the ledger in short for a text."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +11,21 @@ from paperrepro.errors import BadInput
 from paperrepro.frames import ANGLES
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.roofs import RoofParameters
-from paperrepro.paper.claims import HEADLINES
-from paperrepro.paper.numbers import shown, span
+from paperrepro.paper.claims import HEADLINES, OUR_HEADLINES
+from paperrepro.paper.numbers import shown
 from paperrepro.paper.published import TABLE2, TABLE4
-from paperrepro.paper.verdicts import VERDICTS
+from paperrepro.paper.verdicts import (
+    CONDITIONS,
+    FAILS,
+    FOLLOWS,
+    HOLDS,
+    OURS,
+    SAYS,
+    UNDECIDED,
+    UNTESTED,
+    VERDICTS,
+)  # fmt: skip
 from paperrepro.study.rows import SurveyKey
-from paperrepro.study.statistics import Interval
 
 
 def calibration_rows(
@@ -104,27 +113,48 @@ def _field(params: RoofParameters, name: str) -> float:
     return value
 
 
-def markdown_summary(ledger: pd.DataFrame, ids: Collection[str] = HEADLINES) -> str:
-    """The claims ``ids`` of a `ledger`, by default the most telling, as a Markdown table, under a
-    line that counts the verdicts of all."""
-    counts = ledger.verdict.value_counts()
-    counted = ", ".join(f"{counts[name]} {name}" for name in VERDICTS if name in counts)
-    lines = [f"{len(ledger)} claims: {counted}.", ""]
-    lines += ["| claim | place | verdict | measured |", "|---|---|---|---|"]
+def markdown_summary(ledger: pd.DataFrame) -> str:
+    """The paper's main promises in a `ledger` and three claims of ours, one of them with the worst
+    verdict, as a Markdown table, under a sentence on what came out of all."""
+    lines = [what_came_out(ledger), "", "| claim | paper | here | verdict |", "|---|---|---|---|"]
     lines += [
-        f"| {line.claim} | {line.place} | {line.verdict} | {_measured(line)} |"
-        for line in ledger[ledger.id.isin(ids)].itertuples()
+        f"| {line.claim} ({line.place}) | {_printed(line)} | {line.values} | {line.verdict} |"
+        for line in headlines(ledger).fillna({"values": ""}).itertuples()
     ]
     return "\n".join(lines) + "\n"
 
 
-def _measured(line) -> str:
-    """A line's measured value with unit and interval, empty where nothing was measured."""
-    if not np.isfinite(line.measured):
+def headlines(ledger: pd.DataFrame) -> pd.DataFrame:
+    """Lines of the short table."""
+    ours = ledger[(ledger.kind == OURS) & ~ledger.id.isin(OUR_HEADLINES)]
+    rank = {FAILS: 0, CONDITIONS: 1, UNDECIDED: 2, HOLDS: 3, UNTESTED: 4}
+    worst = ours.loc[ours.verdict.map(rank).sort_values(kind="stable").index].id[:1]
+    shown = [*HEADLINES, *OUR_HEADLINES, *worst]
+    return ledger.set_index("id").reindex(shown).dropna(subset="claim").reset_index()
+
+
+def what_came_out(ledger: pd.DataFrame) -> str:
+    """The verdicts counted, in words, by whose the claims are."""
+    parts = []
+    whose = {
+        SAYS: "sentences of the paper",
+        FOLLOWS: "that follow from what it prints",
+        OURS: "ours",
+    }
+    for kind, words in whose.items():
+        given = ledger[ledger.kind == kind].verdict.value_counts()
+        counts = {name: int(given.get(name, 0)) for name in VERDICTS}
+        others = ", ".join(f"{n} {name}" for name, n in counts.items() if n and name != HOLDS)
+        holds = f"{counts[HOLDS]} of {sum(counts.values())} {words} {'hold' if counts[HOLDS] != 1 else 'holds'}"
+        parts.append(f"{holds}{' (' * bool(others)}{others}{')' * bool(others)}")
+    return f"{'; '.join(parts)}."
+
+
+def _printed(line) -> str:
+    """The value that the paper prints, if any."""
+    if not np.isfinite(line.paper):
         return ""
-    if not np.isfinite(line.low):
-        return shown(line.measured, line.unit)
-    return span(Interval(line.measured, line.low, line.high), line.unit)
+    return shown(line.paper, "share" if line.unit == "1" and line.paper <= 1 else line.unit)
 
 
 def update_between_markers(path: str | Path, name: str, text: str) -> bool:

@@ -6,6 +6,7 @@ not. Intervals are bootstrapped over surveys, or exact for shares of surveys.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import pandas as pd
@@ -16,8 +17,8 @@ from paperrepro.method.accuracy import rmse
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES
 from paperrepro.study.rows import ARTEFACT, BOUND, COLUMNS, FAILED, SPECIFIED
 
-#: Fewer surveys of a setting than this support no verdict.
-LEAST_SEEDS = 20
+#: Fewer surveys of a setting than this support no verdict, nor do fewer that gave a result.
+LEAST_SEEDS, LEAST_RESULTS = 20, 15
 #: Confidence of all intervals of one claim together.
 CONFIDENCE = 0.95
 #: Half the width of such an interval, in sigma.
@@ -70,6 +71,9 @@ class Surveys:
         self.confidence = confidence
         self._values = values
 
+    def __len__(self) -> int:
+        return len(self._values)
+
     def of(self, scenario: str, metric: str) -> pd.Series:
         """One metric. Raises `TooLittle` where no row has it."""
         if (scenario, metric) not in self._values:
@@ -91,11 +95,13 @@ class Surveys:
         return sum(seen, pd.Series(False, self._values.index)).astype(bool)
 
     def enough(self, *series: pd.Series) -> list[pd.Series]:
-        """The surveys that have every one of ``series``. Raises `TooLittle` under `LEAST_SEEDS`."""
+        """The surveys that have every one of ``series``, without the others. Raises `TooLittle`
+        under `LEAST_RESULTS`."""
         kept = pd.concat(series, axis=1, keys=range(len(series))).dropna()
-        if len(kept) < LEAST_SEEDS:
+        if len(kept) < LEAST_RESULTS:
             raise TooLittle(
-                f"{len(kept)} surveys of {self.setting}, at least {LEAST_SEEDS} are needed"
+                f"{len(kept)} of {len(self)} surveys of {self.setting} have a value, at least "
+                f"{LEAST_RESULTS} are needed"
             )
         return [kept[number] for number in kept]
 
@@ -109,12 +115,20 @@ class Surveys:
     def share(self, mask: pd.Series) -> Interval:
         return binomial(int(mask.sum()), len(mask), self.confidence)
 
+    def mean_share(self, shares: pd.Series) -> Interval:
+        """Mean of a share of each survey, bootstrapped by survey; where all are equal, which a
+        bootstrap takes for certain, as so many whole surveys."""
+        if shares.nunique() > 1:
+            return self.mean(shares)
+        return binomial(round(shares.sum()), len(shares), self.confidence)
+
 
 class Evidence:
     """The rows of a study by setting, those of surveys with ``errors`` of one kind."""
 
     def __init__(self, rows: pd.DataFrame, errors: str = SPECIFIED):
-        self._rows = rows
+        self._rows, self._errors = rows, errors
+        self._others, self._surveys = {}, {}
         rows = rows[(rows.artefact == ARTEFACT) & (rows.errors == errors)]
         sigmas = rows.dropna(subset="sigma")
         sigmas = sigmas.assign(metric=SIGMA + sigmas.metric, value=sigmas.sigma)
@@ -125,7 +139,11 @@ class Evidence:
 
     def under(self, errors: str) -> "Evidence":
         """The same study's surveys with errors of another kind."""
-        return Evidence(self._rows, errors)
+        if errors == self._errors:
+            return self
+        if errors not in self._others:
+            self._others[errors] = Evidence(self._rows, errors)
+        return self._others[errors]
 
     def settings(self, preset: str | None = None) -> list[Setting]:
         """Settings with enough surveys: by preset, the paper's own noise first, then the least.
@@ -139,12 +157,27 @@ class Evidence:
             most = int(size.max()) if len(size) else 0
             of = f" of preset {preset}" if preset else ""
             raise TooLittle(f"at most {most} surveys{of} in a setting, {LEAST_SEEDS} are needed")
-        return sorted(known, key=lambda s: (s.preset, s.profile, s.noise_scale != 1, s.noise_scale))
+        dense = {s: s.profile != "quick" for s in known}
+        return sorted(known, key=lambda s: (s.preset, dense[s], s.noise_scale != 1, s.noise_scale))
 
     def surveys(self, setting: Setting, judged_together: int = 1) -> "Surveys":
         """The surveys of one of so many settings that are judged together."""
-        key = (setting.preset, setting.noise_scale, setting.profile)
-        return Surveys(setting, self._values.loc[key], 1 - (1 - CONFIDENCE) / judged_together)
+        if setting not in self._surveys:
+            key = (setting.preset, setting.noise_scale, setting.profile)
+            self._surveys[setting] = self._values.loc[key].dropna(axis=1, how="all")
+        confidence = 1 - (1 - CONFIDENCE) / judged_together
+        return Surveys(setting, self._surveys[setting], confidence)
+
+
+def median_survey(rows: pd.DataFrame, scenario: str, metric: str, preset: str = "mount") -> int:
+    """Seed of the quick survey at the specified noise whose ``metric`` of ``scenario`` is the
+    median: what a figure of a single survey shows. Raises `TooLittle` where no row has it."""
+    at = (rows.errors == SPECIFIED) & (rows.noise_scale == 1) & (rows.profile == "quick")
+    of = (rows.preset == preset) & (rows.scenario == scenario) & (rows.metric == metric)
+    found = rows[at & of].drop_duplicates("seed").sort_values(["value", "seed"])
+    if found.empty:
+        raise TooLittle(f"no row of {metric} for {scenario}, {preset} × 1")
+    return int(found.seed.iloc[(len(found) - 1) // 2])
 
 
 def bootstrap(
@@ -154,10 +187,15 @@ def bootstrap(
 ) -> Interval:
     """``statistic`` of ``values`` (seeds, ...), their mean by default, and its percentile interval
     over resampled seeds."""
-    draws = np.random.default_rng(0).integers(0, len(values), (_RESAMPLES, len(values)))
+    draws = _draws(len(values))
     outside = (1 - confidence) / 2
     low, high = np.quantile(statistic(values[draws], axis=1), [outside, 1 - outside])
     return Interval(float(statistic(values, axis=0)), float(low), float(high))
+
+
+@lru_cache
+def _draws(size: int) -> np.ndarray:
+    return np.random.default_rng(0).integers(0, size, (_RESAMPLES, size))
 
 
 def binomial(hits: int, tries: int, confidence: float = CONFIDENCE) -> Interval:
