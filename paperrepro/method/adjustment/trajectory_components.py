@@ -10,12 +10,13 @@ leaves open is carried into the boresight's covariance by the curvature of the l
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.optimize import minimize, minimize_scalar
+from scipy.optimize import minimize
 
 from paperrepro.method.adjustment.trajectory_equations import CellBlocks, GaussMarkov
 from paperrepro.method.adjustment.trajectory_solver import (
     DataNormals,
     Noise,
+    Solution,
     State,
     Step,
     TrajectoryModel,
@@ -131,31 +132,33 @@ OF_LASER = np.isin(np.arange(len(_MIDDLE)), (0, 1))
 
 @dataclass(frozen=True)
 class Estimate:
-    """``components``, ``state`` adjusted under them, and ``open`` (3, 3) rad², what the boresight
-    gets of their uncertainty."""
+    """``components``, and ``open`` (3, 3) rad², what the boresight gets of their uncertainty."""
 
     components: VarianceComponents
-    state: State
     open: np.ndarray
 
 
 def estimate(
-    model: TrajectoryModel, specified: GaussMarkov, state: State, free: np.ndarray | None = None
+    model: TrajectoryModel,
+    specified: GaussMarkov,
+    solution: Solution,
+    free: np.ndarray | None = None,
 ) -> Estimate:
     """Components, those of ``free`` (15,) bool, by default all, and roughness; the others keep
-    their prior. ``state`` has two processes. Raises as `trajectory_solver.iterate` does."""
+    their prior, under which the ``solution`` is. Raises as `trajectory_solver.iterate` does."""
     logs = VarianceComponents().logs
     free = np.arange(len(logs)) != ROUGHNESS if free is None else free
     # every condition speaks of the range, few of the rest: in these steps all matter alike
     step = np.ones(len(logs))
     step[0] = 1 / np.sqrt(2 * len(model.tie_planes.rays))
-    for _ in range(ROUNDS):
+    for k in range(ROUNDS):
         components, before = VarianceComponents(logs), logs
-        solution = iterate(
-            components.apply(model), components.noise(specified, np.zeros(6)), state, 0.01
+        if k > 0:
+            noise = components.noise(specified, np.zeros(6))
+            solution = iterate(components.apply(model), noise, solution.state, 0.01)
+        likelihood = Likelihood(
+            model, specified, solution.state, solution.blocks, components.range**2
         )
-        state = solution.state
-        likelihood = Likelihood(model, specified, state, solution.blocks, components.range**2)
         logs = _with_roughness(likelihood, logs)
         likelihood = likelihood.at(logs[ROUGHNESS])
         low, high = (np.where(free, _MIDDLE + w, logs) / step for w in (-WIDEST_LOG, WIDEST_LOG))
@@ -186,30 +189,38 @@ def _with_uncertainty(likelihood: "Likelihood", logs, step, free) -> Estimate:
     covariance = (axes / values) @ axes.T * np.outer(step, step)
     components = VarianceComponents(logs, covariance)
     constant = components.constant(likelihood.specified)
-    here, x, Q = likelihood.boresight(logs, constant)
+    x, Q = likelihood.boresight(logs, constant)
     extra = np.zeros((3, 3))
     for value, axis in zip(values[values < MANY], axes.T[values < MANY], strict=True):
         for side in (1.0, -1.0):
             moved = logs + side * step * axis / np.sqrt(value)
-            _, x_side, Q_side = likelihood.boresight(moved, constant)
+            x_side, Q_side = likelihood.boresight(moved, constant)
             extra += (Q_side - Q + np.outer(x_side - x, x_side - x)) / 2
     values, axes = np.linalg.eigh(extra)
-    return Estimate(components, here, (axes * np.maximum(values, 0.0)) @ axes.T)
+    return Estimate(components, (axes * np.maximum(values, 0.0)) @ axes.T)
 
 
 def _with_roughness(likelihood: "Likelihood", logs: np.ndarray) -> np.ndarray:
-    """``logs`` with the ratio of roughness that is most likely, the others held."""
+    """``logs`` with the ratio of roughness that is most likely, the others held: parabolas through
+    the best three, until one promises less than `FTOL`."""
+    at = np.arange(len(logs)) == ROUGHNESS
 
     def value(ratio):
-        moved = np.where(np.arange(len(logs)) == ROUGHNESS, ratio, logs)
-        return likelihood.at(ratio)(moved, gradient=False)[0]
+        return likelihood.at(ratio)(np.where(at, ratio, logs), gradient=False)[0]
 
-    middle = _MIDDLE[ROUGHNESS]
-    found = minimize_scalar(
-        value, bounds=(middle - WIDEST_LOG, middle + WIDEST_LOG), method="bounded",
-        options={"xatol": 0.1, "maxiter": 12},
-    )  # fmt: skip
-    return np.where(np.arange(len(logs)) == ROUGHNESS, found.x, logs)
+    tried = {ratio: value(ratio) for ratio in logs[ROUGHNESS] + np.array([-1.0, 0.0, 1.0])}
+    for _ in range(6):
+        best = min(tried, key=tried.get)
+        three = sorted(sorted(tried, key=lambda ratio: abs(ratio - best))[:3])
+        bend, slope, _ = curve = np.polyfit(three, [tried[ratio] for ratio in three], 2)
+        downhill = best - np.sign(2 * bend * best + slope) * (three[-1] - three[0])
+        ratio = -slope / (2 * bend) if bend > 0 else downhill
+        ratio = np.clip(ratio, *sorted((best, downhill)))
+        ratio = np.clip(ratio, _MIDDLE[ROUGHNESS] - WIDEST_LOG, _MIDDLE[ROUGHNESS] + WIDEST_LOG)
+        if bend > 0 and tried[best] - np.polyval(curve, ratio) < FTOL:
+            return np.where(at, ratio, logs)
+        tried[ratio] = value(ratio)
+    return np.where(at, min(tried, key=tried.get), logs)
 
 
 def _scaled(value_and_gradient, step):
@@ -260,16 +271,13 @@ class Likelihood:
         quadratic = scaled.chi2 + prior_chi2(self.model, noise, self.state)
         return eliminate(scaled, self.model, noise, self.state), noise, quadratic
 
-    def boresight(
-        self, logs: np.ndarray, constant: np.ndarray
-    ) -> tuple[State, np.ndarray, np.ndarray]:
-        """State, boresight (3,) and its covariance (3, 3) under ``logs``, one step from here."""
+    def boresight(self, logs: np.ndarray, constant: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Boresight (3,) and its covariance (3, 3) under ``logs``, one step from here."""
         components = VarianceComponents(logs)
         noise = components.noise(self.specified, constant)
         data = self.data.scaled(components.range**-2)
         step = eliminate(data, self.model, noise, self.state)
-        state = self.model.moved(self.state, step)
-        return state, state.x[:3], step.Q[:3, :3]
+        return self.state.x[:3] + step.dy[:3], step.columns(3)[:3]
 
     def _gradient(self, logs, noise: Noise, step: Step, quadratic: float) -> np.ndarray:
         variance, beside, surface = step.covariance(self.model)

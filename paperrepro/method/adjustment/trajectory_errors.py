@@ -73,23 +73,33 @@ def _clock_can_be_off(survey: Survey) -> bool:
     return survey.trajectory is not None and all(strip.pose is None for strip in survey.strips)
 
 
-def _find_delay(survey: Survey, tie_planes: TiePlanes, near: np.ndarray, spacing: float) -> float:
-    """Delay of the laser's clock, s, where it is beyond doubt, before any component could take it
-    for an error of the trajectory. Noise of the reported poses makes each estimate too small by a
-    share, so poses are taken at the later time and the rest is looked for, until there is none."""
-    delay, components = 0.0, VarianceComponents()
-    for _ in range(CLOCK_ROUNDS):
+def _adjusted(
+    survey: Survey, tie_planes: TiePlanes, near: np.ndarray, spacing: float, clock: bool
+) -> tuple[TrajectoryModel, Solution]:
+    """The model whose noise is to be found, and its solution under the components' priors."""
+    model = TrajectoryModel.prepare(survey, tie_planes, "per_ring", spacing, clock=clock)
+    noise = VarianceComponents().noise(specified_process(survey.navigation), np.zeros(6))
+    state = model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
+    return model, iterate(model, noise, state, 0.01)
+
+
+def _without_delay(
+    survey: Survey, tie_planes: TiePlanes, near: np.ndarray, spacing: float
+) -> tuple[TrajectoryModel, Solution, float]:
+    """As `_adjusted`, with the poses of the laser's delay, s, where one is beyond doubt, before any
+    component could take it for an error of the trajectory. Noise of the reported poses makes each
+    estimate too small by a share, so poses are taken at the later time and the rest is looked for,
+    until there is none."""
+    delay = 0.0
+    for k in range(CLOCK_ROUNDS + 1):
         moved = _delayed(survey, tie_planes, delay)
-        model = TrajectoryModel.prepare(survey, moved, "per_ring", spacing, clock=True)
-        noise = components.noise(specified_process(survey.navigation), np.zeros(6))
-        state = model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
-        solution = iterate(model, noise, state, 0.01)
-        at = len(state.x) - 1
+        model, solution = _adjusted(survey, moved, near, spacing, True)
+        at = len(solution.state.x) - 1
         rest, sigma = solution.state.x[at], np.sqrt(solution.step.Q[at, at])
-        if abs(rest) < (CLOCK_SIGMAS if delay == 0 else 1) * sigma:
+        if k == CLOCK_ROUNDS or abs(rest) < (CLOCK_SIGMAS if delay == 0 else 1) * sigma:
             break
         delay += rest
-    return float(delay)
+    return model, solution, float(delay)
 
 
 def _delayed(survey: Survey, tie_planes: TiePlanes, delay: float) -> TiePlanes:
@@ -118,14 +128,12 @@ def find_noise(
 ) -> FoundNoise:  # fmt: skip
     """Variance components from ``tie_planes``, at a boresight ``near`` (3,) rad; where not
     ``all_components``, those of laser and surfaces alone, and the others keep their priors."""
-    clock, delay = _clock_can_be_off(survey), 0.0
-    if clock:
-        delay = _find_delay(survey, tie_planes, near, spacing)
-        tie_planes = _delayed(survey, tie_planes, delay)
-    model = TrajectoryModel.prepare(survey, tie_planes, "per_ring", spacing, clock=clock)
-    state = model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
+    if _clock_can_be_off(survey):
+        model, solution, delay = _without_delay(survey, tie_planes, near, spacing)
+    else:
+        (model, solution), delay = _adjusted(survey, tie_planes, near, spacing, False), 0.0
     free = None if all_components else OF_LASER
-    found = estimate(model, specified_process(survey.navigation), state, free)
+    found = estimate(model, specified_process(survey.navigation), solution, free)
     return FoundNoise(found.components, found.open, delay)
 
 
@@ -174,7 +182,7 @@ def lasting_sigma(survey: Survey, tie_planes: TiePlanes, boresight: np.ndarray) 
     state = model.start(np.r_[boresight, np.zeros(model.unknowns.size - 3)])
     noise = specified_noise(survey.navigation)
     step = eliminate(model.normals(state, noise), model, noise, state)
-    return np.sqrt(np.diag(step.Q)[:3])
+    return np.sqrt(np.diag(step.columns(3)))
 
 
 def _result(

@@ -142,7 +142,9 @@ def small():
         model, unknowns=unknowns, cells=Cells.of(tie_planes, model.nodes, rate),
         pseudo_weight=unknowns.pseudo_weight(SCANNER.range_offset_sigma),
     )  # fmt: skip
-    model = replace(model, windows=windows(model.cells, model.nodes, tie_planes.plane, least=3))
+    model = replace(
+        model, windows=windows(model.cells, model.nodes, tie_planes.plane, model.to_plane, least=3)
+    )
     state = iterate(model, NOISE, model.start(unknowns.start(), 2)).state
     return model, replace(state, x=state.x + 1e-5, constant=state.constant + 1e-4)
 
