@@ -316,6 +316,26 @@ class Step:
         S = np.linalg.inv(self.Q_y)
         return (S + S.T) / 2
 
+    def squares(
+        self, errors: np.ndarray, surfaces: np.ndarray, fixed: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Products (n, n) by the inverse of all normal equations of right sides at errors
+        (K, P, 6, n), surface errors (F, 3, n), x and constants (u + 6, n); and the solution for
+        x (u, n)."""
+        n = fixed.shape[1]
+        errors = errors.reshape(len(errors), -1, n)
+        right, out = np.zeros((len(self.dz), n)), np.zeros((n, n))
+        for w, step, where in zip(self.windows, self.steps, self.where, strict=True):
+            of_window = surfaces[w.faces].reshape(-1, n)
+            squares, left = step.squares(errors[slice(*w.nodes)], of_window)
+            right[where] += left
+            out += squares
+        u = len(fixed) - N_COMPONENTS
+        right[:u] += fixed[:u]
+        right[self.size - N_COMPONENTS : self.size] += fixed[u:]
+        solution = self.scale[:, None] * cho_solve((self.factor, True), self.scale[:, None] * right)
+        return out + right.T @ solution, solution[:u]
+
     def covariance(self, model: TrajectoryModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Variances (K, P, 6) of the errors, covariances (K - 1, P, 6) with those at the node
         before, and variances (F, 3) of the surface errors."""

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numba
 import numpy as np
-from scipy.linalg import block_diag, cho_factor, cho_solve
+from scipy.linalg import block_diag
 
 from paperrepro.method.adjustment.trajectory_equations import (
     N_COMPONENTS,
@@ -125,26 +125,30 @@ def _add_cells(N, t, chosen, view, node, roughness, N_yy, t_y, N_ty, t_t, D, E):
     size = N.shape[1]
     n_x, d = size - 15, size - 13
     n_y = n_x + 3
-    y, column, M = np.arange(n_y), np.empty(size), np.empty((size, size))
+    y, column, M, of_t = np.arange(n_y), np.empty(size), np.zeros((size, size)), np.zeros(size)
     for i in range(len(chosen)):
         c, first = chosen[i], node[i]
         for k in range(size):
             column[k] = N[c, min(k, d), max(k, d)]
-        total = column[d] + roughness
+        weight = 1 / (column[d] + roughness)
+        left = t[c, d] * weight
         for k in range(size):
+            of_t[k] += t[c, k] - column[k] * left
+            scaled = column[k] * weight
             for m in range(k, size):
-                M[k, m] = N[c, k, m] - column[k] * column[m] / total
+                M[k, m] += N[c, k, m] - scaled * column[m]
+        if i + 1 < len(chosen) and view[i + 1] == view[i] and node[i + 1] == first:
+            continue  # moments of one view between two nodes have one place
         for k in range(3):
             y[n_x + k] = n_x + 6 + 3 * view[i] + k
-        left = t[c, d] / total
         for k in range(n_y):
-            t_y[y[k]] += t[c, k] - column[k] * left
+            t_y[y[k]] += of_t[k]
             for m in range(k, n_y):
                 N_yy[y[k], y[m]] += M[k, m]
         for after in range(2):
             of_node = n_y + 6 * after
             for m in range(6):
-                t_t[first + after, m] += t[c, of_node + m] - column[of_node + m] * left
+                t_t[first + after, m] += of_t[of_node + m]
                 for k in range(n_y):
                     N_ty[first + after, m, y[k]] += M[k, of_node + m]
                 for k in range(m + 1):
@@ -152,6 +156,7 @@ def _add_cells(N, t, chosen, view, node, roughness, N_yy, t_y, N_ty, t_t, D, E):
         for k in range(6):
             for m in range(6):
                 E[first, k, m] += M[n_y + k, n_y + 6 + m]
+        M[:], of_t[:] = 0.0, 0.0
 
 
 @dataclass(frozen=True)
@@ -198,6 +203,22 @@ class WindowStep:
         planes = w.by_plane @ dr[own:] + w.by_surface @ d_views
         d_nodes = -self.nodes @ np.concatenate([dr[:own], planes, [1.0]])
         return d_nodes, d_views.reshape(-1, 3)
+
+    def squares(self, right: np.ndarray, of_views: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of right sides at the window's nodes (K, b, n), the separator first, and surface errors
+        (3 F, n): their products (n, n) by the inverse of what is eliminated here, and what they
+        leave (r, n) to the rest."""
+        w, b = self.window, right.shape[1]
+        moved = np.ascontiguousarray(right[1:])
+        self.factor.forward(moved)
+        flat, size = self.forward.reshape(-1, self.forward.shape[2]), self.forward.shape[2] - 1
+        own, moved = size - len(w.by_surface), moved.reshape(-1, right.shape[2])
+        left = -flat[:, :size].T @ moved
+        left[:b] += right[0]
+        of_views = of_views + w.by_surface.T @ left[own:]
+        out = np.concatenate([left[:own], w.by_plane.T @ left[own:]])
+        out -= self.views[:, :-1].T @ of_views
+        return moved.T @ moved + of_views.T @ self.views_inverse @ of_views, out
 
     def covariance(self, Q: np.ndarray) -> tuple[np.ndarray, ...]:
         """Given ``Q`` (r, r): variances (K - 1, b) of the nodes after the separator; of each
@@ -255,16 +276,17 @@ def eliminate_window(window: Window, data: WindowNormals, prior: NodePrior) -> W
     )
     turned[:, -1] += prior.surface_gradient.ravel()
     surface = window.by_surface.T @ of_views @ window.by_surface
-    surface += prior.surface * np.eye(len(surface))
-    of_surface = cho_factor(surface, lower=True)
-    back = cho_solve(of_surface, turned)
+    surface[np.diag_indices_from(surface)] += prior.surface
+    lower = np.linalg.cholesky(surface)
+    inverse_lower = np.linalg.inv(lower)
+    inverse = inverse_lower.T @ inverse_lower
+    back = inverse @ turned
     P = window.by_plane
     of_planes = P.T @ np.column_stack([C[views, :own], of_views @ P, C[views, size]])
     above = np.column_stack([C[:own, :own], of_planes[:, :own].T, C[:own, size]])
     reduced = np.concatenate([above, of_planes]) - turned[:, :-1].T @ back
-    log_det = factor.log_det + 2 * float(np.log(np.diag(of_surface[0])).sum())
+    log_det = factor.log_det + 2 * float(np.log(np.diag(lower)).sum())
     decrement = turned[:, -1] @ back[:, -1] - C[size, size]
-    inverse = cho_solve(of_surface, np.eye(len(surface)))
     return WindowStep(
         reduced[:, :-1], reduced[:, -1], log_det, float(decrement), window, factor, forward, back,
         inverse,
@@ -291,6 +313,10 @@ class Factor:
             raise np.linalg.LinAlgError("errors of the trajectory: normal equations not positive")
         return cls(L, U, log_det)
 
+    def forward(self, right: np.ndarray) -> None:
+        """As `of` does to right sides (K, b, m)."""
+        _forward_again(self.L, self.U, right)
+
     def backward(self, forward: np.ndarray) -> np.ndarray:
         """Solution (K, b, m) from what `of` left of the right sides."""
         out = forward.copy()
@@ -299,16 +325,14 @@ class Factor:
 
     def inverse_blocks(self) -> tuple[np.ndarray, np.ndarray]:
         """Diagonals (K, b) of the inverse's diagonal blocks and (K - 1, b) of those beside them."""
-        inverse_L = np.linalg.inv(self.L)
-        upper = inverse_L.transpose(0, 2, 1)
-        return _inverse_blocks(upper @ inverse_L, upper[:-1] @ self.U)
+        return _inverse_blocks(self.L, self.U)
 
 
 @numba.njit(cache=True)
 def _forward(D, E, right):
     """Cholesky factors in place of ``D``, and what stands above them in place of ``E``; ``right``
     by the transposed factor. The logarithm of the determinant, NaN where there is none."""
-    K, b, m = right.shape
+    K, b = right.shape[:2]
     log_det = 0.0
     for k in range(K):
         L, r = D[k], right[k]
@@ -318,19 +342,7 @@ def _forward(D, E, right):
                 for j in range(b):
                     for n in range(i + 1):
                         L[i, n] -= U[j, i] * U[j, n]
-            for i in range(b):
-                for j in range(0, b, 6):  # blocks of six components: fewer loads and stores
-                    u0, u1, u2 = U[j, i], U[j + 1, i], U[j + 2, i]
-                    u3, u4, u5 = U[j + 3, i], U[j + 4, i], U[j + 5, i]
-                    for c in range(m):
-                        r[i, c] -= (
-                            u0 * before[j, c]
-                            + u1 * before[j + 1, c]
-                            + u2 * before[j + 2, c]
-                            + u3 * before[j + 3, c]
-                            + u4 * before[j + 4, c]
-                            + u5 * before[j + 5, c]
-                        )
+            _less(U, before, r)
         for i in range(b):
             for n in range(i + 1):
                 total = L[i, n]
@@ -348,6 +360,30 @@ def _forward(D, E, right):
         if k + 1 < K:
             _lower(L, E[k])
     return log_det
+
+
+@numba.njit(cache=True)
+def _forward_again(L, U, right):
+    """As `_forward` does to ``right``."""
+    for k in range(len(right)):
+        if k > 0:
+            _less(U[k - 1], right[k - 1], right[k])
+        _lower(L[k], right[k])
+
+
+@numba.njit(cache=True)
+def _less(U, before, r):
+    """``r - U' before``, in place."""
+    b, m = r.shape
+    for i in range(b):
+        for j in range(0, b, 6):  # blocks of six components: fewer loads and stores
+            u0, u1, u2 = U[j, i], U[j + 1, i], U[j + 2, i]
+            u3, u4, u5 = U[j + 3, i], U[j + 4, i], U[j + 5, i]
+            for c in range(m):
+                r[i, c] -= (
+                    u0 * before[j, c] + u1 * before[j + 1, c] + u2 * before[j + 2, c]
+                    + u3 * before[j + 3, c] + u4 * before[j + 4, c] + u5 * before[j + 5, c]
+                )  # fmt: skip
 
 
 @numba.njit(cache=True)
@@ -384,15 +420,25 @@ def _backward(L, U, out):
 
 
 @numba.njit(cache=True)
-def _inverse_blocks(inverse_S, gain):
+def _inverse_blocks(L, U):
     """As `Factor.inverse_blocks`."""
-    K, b = inverse_S.shape[:2]
+    K, b = L.shape[:2]
     diagonal, beside = np.empty((K, b)), np.empty((K - 1, b))
-    block = inverse_S[K - 1].copy()
-    diagonal[K - 1] = np.diag(block)
-    for k in range(K - 2, -1, -1):
-        product = gain[k] @ block
-        beside[k] = -np.diag(product)
-        block = inverse_S[k] + product @ gain[k].T
-        diagonal[k] = np.diag(block)
+    block, upper = np.zeros((b, b)), np.empty((b, b))
+    for k in range(K - 1, -1, -1):
+        upper[:] = 0.0
+        for i in range(b):
+            upper[i, i] = 1.0
+        _lower(L[k], upper)
+        upper = np.ascontiguousarray(upper.T)  # L'^-1
+        if k + 1 < K:
+            gain = upper @ U[k]
+            product = gain @ block
+            for i in range(b):
+                beside[k, i] = -product[i, i]
+            block = upper @ upper.T + product @ gain.T
+        else:
+            block = upper @ upper.T
+        for i in range(b):
+            diagonal[k, i] = block[i, i]
     return diagonal, beside
