@@ -140,10 +140,12 @@ OF_LASER = np.isin(np.arange(len(_MIDDLE)), (0, 1))
 
 @dataclass(frozen=True)
 class Estimate:
-    """``components``, and ``open`` (3, 3) rad², what the boresight gets of their uncertainty."""
+    """``components``, and ``open`` (3, 3) rad², what the boresight gets of their uncertainty, at
+    the linearisation point ``state``."""
 
     components: VarianceComponents
     open: np.ndarray
+    state: State
 
 
 def estimate(
@@ -219,7 +221,7 @@ def _with_uncertainty(likelihood: "Likelihood", logs, free) -> Estimate:
             x_side, Q_side = likelihood.boresight(moved, constant)
             extra += (Q_side - Q + np.outer(x_side - x, x_side - x)) / 2
     values, axes = np.linalg.eigh(extra)
-    return Estimate(components, (axes * np.maximum(values, 0.0)) @ axes.T)
+    return Estimate(components, (axes * np.maximum(values, 0.0)) @ axes.T, likelihood.state)
 
 
 def sigma_of_group(value: np.ndarray, Q: np.ndarray, prior: float) -> tuple[float, float]:

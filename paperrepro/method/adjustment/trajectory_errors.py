@@ -18,6 +18,7 @@ from paperrepro.method.adjustment.result import CalibrationResult, TrajectoryErr
 from paperrepro.method.adjustment.scenarios import calibrate
 from paperrepro.method.adjustment.trajectory_components import (
     OF_LASER,
+    Estimate,
     VarianceComponents,
     estimate,
     sigma_of_group,
@@ -84,10 +85,6 @@ def _clock_can_be_off(survey: Survey) -> bool:
     return survey.trajectory is not None and all(strip.pose is None for strip in survey.strips)
 
 
-#: What components are before the data.
-SPECIFIED = VarianceComponents()
-
-
 def _adjusted(
     survey: Survey,
     tie_planes: TiePlanes,
@@ -95,14 +92,21 @@ def _adjusted(
     spacing: float,
     clock: bool,
     beam_sigma: float = 0.0,
-    components: VarianceComponents = SPECIFIED,
+    found: Estimate | None = None,
 ) -> tuple[TrajectoryModel, Solution]:
-    """The model whose noise is to be found, and its solution under ``components``."""
+    """The model whose noise is to be found, and its solution under the components ``found``, from
+    where they were, or else those before the data."""
     model = TrajectoryModel.prepare(
         survey, tie_planes, "per_ring", spacing, clock=clock, beam_sigma=beam_sigma
     )
+    components = found.components if found else VarianceComponents()
     noise = components.noise(specified_process(survey.navigation), np.zeros(6))
     state = model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
+    if found:
+        kept = np.arange(model.unknowns.kept)
+        kept = np.r_[kept, -1] if clock else kept
+        state.x[kept] = found.state.x[kept]
+        state = replace(found.state, x=state.x)
     return model, iterate(components.apply(model), noise, state, 0.01)
 
 
@@ -168,7 +172,7 @@ def find_noise(
     found = estimate(model, specified, solution, free)
     if all_components:
         beam_sigma = _find_beam_sigma(
-            *_adjusted(survey, tie_planes, near, spacing, clock, BEAM_SIGMA, found.components)
+            *_adjusted(survey, tie_planes, near, spacing, clock, BEAM_SIGMA, found)
         )
     if beam_sigma > 0:
         model, solution = _adjusted(survey, tie_planes, near, spacing, clock, beam_sigma)
