@@ -106,8 +106,13 @@ class VarianceComponents:
         slow = GaussMarkov(
             specified.sigma * _spread(self.sigma),
             specified.correlation_time * _spread(self.correlation_time),
+            specified.profile,
         )
-        fast = GaussMarkov(specified.sigma * _spread(self.fast), np.full(6, FAST_TIME))
+        fast = replace(
+            slow,
+            sigma=specified.sigma * _spread(self.fast),
+            correlation_time=np.full(6, FAST_TIME),
+        )
         return Noise((slow, fast), constant, self.surface, self.roughness)
 
     def apply(self, model: TrajectoryModel) -> TrajectoryModel:
@@ -335,7 +340,7 @@ def _slopes(process: GaussMarkov, time, variance, beside) -> tuple[np.ndarray, n
     h = 1e-4
 
     def total(tau_factor):
-        moved = GaussMarkov(process.sigma, process.correlation_time * tau_factor)
+        moved = replace(process, correlation_time=process.correlation_time * tau_factor)
         squares, log_det = _expected(moved, time, variance, beside)
         return squares + log_det
 
