@@ -78,7 +78,7 @@ def apply_calibration(
     """
     given = read_mounting(mounting)
     early = read_calibration(calibration, given.mounting)
-    _require_other_names([Path(path) for path in strips], Path(out))
+    require_names_apart([Path(path) for path in strips], Path(out))
     flight = read_flight(strips, trajectory, mounting, crs=crs, ring_dimension=ring_dimension)
     survey = flight.survey
     calibrated = read_calibration(calibration, survey.mounting, survey.scanner)
@@ -102,12 +102,13 @@ def require_writable(flight: Flight, out: str | Path) -> None:
     for file in flight.files:
         if file.hindrance:
             raise BadInput(f"{file.path}: {file.hindrance}")
-    _require_other_names([file.path for file in flight.files], Path(out))
+    require_names_apart([file.path for file in flight.files], Path(out))
 
 
-def _require_other_names(paths: Sequence[Path], out: Path) -> None:
+def require_names_apart(paths: Sequence[Path], out: Path | None) -> None:
+    """Raise `BadInput` for files of one name, and for such as would be overwritten in ``out``."""
     for path in paths:
-        if (out / path.name).exists() and path.exists() and path.samefile(out / path.name):
+        if out and (out / path.name).exists() and path.exists() and path.samefile(out / path.name):
             raise BadInput(f"{path}: would be overwritten; choose another folder than {out}")
         if [other.name for other in paths].count(path.name) > 1:
             raise BadInput(f"{path}: given twice, or two files have this name; rename one of them")
