@@ -41,7 +41,8 @@ class CalibrationResult:
     ``covariance`` (u, u) a posteriori, of the boresight (rad) and then the offsets (m);
     ``planes`` (G, 4) as (n, d) in the m-frame with ``covariance_planes`` (G, 4, 4); ``sigma0`` and
     ``dof``; RMS of each plane's points about their common plane before and after, (G,) m;
-    ``rejected`` faces, left out as wrong matches. Of scenario D alone: the ``trajectory``'s errors,
+    ``rejected`` faces, left out as wrong matches; ``first_step`` (3,) rad, the boresight after the
+    first iteration, but for D. Of scenario D alone: the ``trajectory``'s errors,
     the factors on the specified sigma where variance ``components`` were estimated, the
     ``lever_arm``, the ``clock`` and the ``beams`` where they were, and the ``reliability`` of each
     view.
@@ -66,6 +67,7 @@ class CalibrationResult:
     rejected: tuple[Rejection, ...] = ()
     trajectory: TrajectoryErrors | None = None
     components: dict[str, float] | None = None
+    first_step: np.ndarray | None = None
     lever_arm: LeverArm | None = None
     clock: Clock | None = None
     beams: Beams | None = None

@@ -204,7 +204,7 @@ def calibrate_with_trajectory(
     noise = specified_noise(survey.navigation)
     start = model.unknowns.start()
     if near is None:
-        near = calibrate(survey, tie_planes, "SL").boresight
+        near = calibrate(survey, tie_planes, "SL without offsets").boresight
     if found is not None:
         model = found.components.apply(model)
         specified = specified_process(survey.navigation)
