@@ -418,7 +418,9 @@ def _by_time(process: GaussMarkov, time, error) -> tuple[np.ndarray, np.ndarray]
     correlation time, and covariance times that."""
     h = 1e-4
     longer, shorter = (
-        _times(GaussMarkov(process.sigma, process.correlation_time * f).information(time), error)
+        _times(
+            replace(process, correlation_time=process.correlation_time * f).information(time), error
+        )
         for f in (np.exp(h), np.exp(-h))
     )
     change = (shorter - longer) / (2 * h)
