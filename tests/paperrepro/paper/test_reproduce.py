@@ -46,8 +46,9 @@ def books(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_results_are_collected_and_rows_merged(books, tmp_path):
     out = tmp_path / "out"
-    seconds = reproduce.reproduce(out, {"seed": 7})
-    assert list(seconds) == ["01_part", "02_part"]
+    lines = []
+    reproduce.reproduce(out, {"seed": 7}, progress=lines.append)
+    assert [line.split()[-3] for line in lines[1:]] == ["01_part", "02_part"]
     assert (out / "01_part.txt").read_text() == "7"
     assert pd.read_csv(out / "rows.csv").value.tolist() == [0.5, 0.25]
     assert (out / "executed" / "02_part.ipynb").exists()
@@ -108,11 +109,6 @@ def test_the_longest_notebooks_are_begun_first():
     assert list(begun[len(reproduce.BEGIN_WITH) :]) == sorted(begun[len(reproduce.BEGIN_WITH) :])
 
 
-def test_no_such_notebook(books, tmp_path):
-    with pytest.raises(BadInput, match="expected notebooks 99"):
-        reproduce.reproduce(tmp_path / "out", {}, only=("99",))
-
-
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
@@ -127,4 +123,14 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, named, capsys, tmp_pat
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert named in error
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_cannot_be_chosen_is_refused_with_what_there_is(books, tmp_path, monkeypatch):
+    notebook(books, "00_start", "1")
+    with pytest.raises(BadInput, match="--only 00,77: no notebook begins so; there are 01, 02"):
+        reproduce.reproduce(tmp_path / "out", {}, only=("00", "77"))
+    monkeypatch.setattr(reproduce, "NOTEBOOKS", tmp_path / "site-packages")
+    with pytest.raises(BadInput, match="run reproduce in a clone"):
+        reproduce.reproduce(tmp_path / "out", {})
     assert not (tmp_path / "out").exists()

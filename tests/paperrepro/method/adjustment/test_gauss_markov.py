@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from paperrepro.method.adjustment.trajectory_equations import GaussMarkov, Nodes, factorise
+from paperrepro.method.adjustment.trajectory_equations import GaussMarkov, Nodes
+from paperrepro.method.adjustment.trajectory_windows import Factor
 
 
 def dense(D, E):
@@ -26,31 +27,42 @@ def random_system(K=7, b=6):
 
 def test_solution_determinant_and_inverse_equal_dense_algebra():
     D, E = random_system()
-    M, factor = dense(D, E), factorise(D, E)
-    right = np.random.default_rng(1).normal(size=(7, 6, 3))
+    M, right = dense(D, E), np.random.default_rng(1).normal(size=(7, 6, 3))
     expected = np.linalg.solve(M, right.reshape(42, 3)).reshape(7, 6, 3)
-    np.testing.assert_allclose(factor.solve(right), expected, rtol=1e-10, atol=1e-13)
+    factor = Factor.of(D, E, right)
+    np.testing.assert_allclose(factor.backward(right), expected, rtol=1e-10, atol=1e-13)
     assert factor.log_det == pytest.approx(np.linalg.slogdet(M)[1], rel=1e-12)
     blocks = np.linalg.inv(M).reshape(7, 6, 7, 6)
-    for k, block in enumerate(factor.inverse_diagonal()):
-        np.testing.assert_allclose(block, blocks[k, :, k], rtol=1e-9, atol=1e-13)
+    diagonal, beside = factor.inverse_blocks()
+    for k in range(7):
+        expected = np.diag(blocks[k, :, k])
+        np.testing.assert_allclose(diagonal[k], expected, rtol=1e-9, atol=1e-13)
+    for k in range(6):
+        expected = np.diag(blocks[k, :, k + 1])
+        np.testing.assert_allclose(beside[k], expected, rtol=1e-9, atol=1e-13)
 
 
 def test_an_indefinite_matrix_is_refused():
     D, E = random_system()
     D[3] -= 200 * np.eye(6)
     with pytest.raises(np.linalg.LinAlgError):
-        factorise(D, E)
+        Factor.of(D, E, np.zeros((7, 6, 1)))
 
 
-def test_information_is_the_inverse_of_the_exponential_covariance():
+PROFILE = np.array([0.0, 10.0, 30.0]), np.random.default_rng(1).uniform(0.3, 3, (3, 6))
+
+
+@pytest.mark.parametrize("profile", [None, PROFILE])
+def test_information_is_the_inverse_of_the_exponential_covariance(profile):
     time = np.array([0.0, 0.4, 1.0, 21.0, 22.0, 22.5])
-    process = GaussMarkov(np.arange(1.0, 7.0), np.linspace(5, 40, 6))
+    process = GaussMarkov(np.arange(1.0, 7.0), np.linspace(5, 40, 6), profile)
+    factor = process.factor(time)
     diagonal, beside, log_det = process.information(time)
     total = 0.0
     for c in range(6):
         lag = np.abs(time[:, None] - time)
         covariance = process.sigma[c] ** 2 * np.exp(-lag / process.correlation_time[c])
+        covariance *= np.outer(factor[:, c], factor[:, c])
         information = np.diag(diagonal[:, c]) + np.diag(beside[:, c], 1) + np.diag(beside[:, c], -1)
         np.testing.assert_allclose(information @ covariance, np.eye(6), atol=1e-10)
         total -= np.linalg.slogdet(covariance)[1]
