@@ -140,11 +140,11 @@ def _command(commands, run: Callable, words: str, example: str, needs: str) -> _
     return command
 
 
-def _survey(command: _Parser) -> None:
+def _survey(command: _Parser, seed: int | None = 1, words: str = "of the survey") -> None:
     """Options of a simulated survey."""
     command.option("--preset", "true boresight: a degree, or Table 4's", "mount", choices=PRESETS)
     command.option("--profile", "one pulse in 16, or all", "quick", choices=PROFILES)
-    command.option("--seed", "of the survey", 1)
+    command.option("--seed", words, seed, type=int)
     command.option("--noise-scale", "multiplies the GNSS/INS error", 1.0, metavar="FACTOR")
 
 
@@ -228,7 +228,7 @@ def _reproduce_options(commands) -> None:
     words = "execute every notebook; tables, figures, report (needs a clone)"
     needs = ".paper.reproduce .figures.pages"
     command = _command(commands, _reproduce, words, "--profile paper", needs)
-    _survey(command)
+    _survey(command, None, "of the survey; else the median one of the study in figures")
     words = "else figures with --profile paper, runs/quick without"
     command.option("--out", words, type=Path, metavar="DIR")
     command.option("--only", "notebooks by the start of their names", metavar="05,07", type=_names)
@@ -241,6 +241,7 @@ def _reproduce(options: argparse.Namespace) -> int:
     if options.jobs < 1:
         raise BadInput(f"--jobs: expected at least 1, got {options.jobs}; give a number")
     out = options.out or Path("figures" if options.profile == "paper" else "runs/quick")
+    options.seed = options.seed or pr.paper.reproduce.median_seed()
     names = "preset", "profile", "seed", "noise_scale"
     parameters = {name: getattr(options, name) for name in names}
     data_synth.make_config(**parameters)  # refuses what cannot be, before anything runs

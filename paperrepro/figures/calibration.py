@@ -3,9 +3,11 @@
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from paperrepro.figures import SCENARIO_COLOURS, scenario_name
+from paperrepro.figures import SCENARIO_COLOURS, canvas, scenario_name
 from paperrepro.paper.numbers import ANGLE_NAMES
+from paperrepro.study.statistics import CONFIDENCE
 
 
 def angle_errors(ax: Axes, table: pd.DataFrame) -> Axes:
@@ -27,6 +29,46 @@ def angle_errors(ax: Axes, table: pd.DataFrame) -> Axes:
     ax.set_xticks(range(len(angles)), [ANGLE_NAMES[angle] for angle in angles])
     ax.set_ylabel("estimate − truth (°)")
     return ax
+
+
+def sigma_against_points(table: pd.DataFrame, printed: dict[str, float]) -> Figure:
+    """What a formal sigma measures: sigma, error, NEES and coverage over the points a face, of
+    `against_points`; ``printed`` sigmas (deg, three angles together) by scenario are lines."""
+    figure, axes = canvas("double", 120, nrows=2, ncols=2, sharex=True)
+    panels = {
+        "sigma_deg": "(a) formal σ, three angles (°)", "rms_deg": "(b) RMS error, three angles (°)",
+        "nees": "(c) mean squared error in σ² (NEES)", "coverage": "(d) coverage of 95 % intervals",
+    }  # fmt: skip
+    for ax, (column, title) in zip(axes.flat, panels.items(), strict=True):
+        for name in dict.fromkeys(table.scenario):
+            rows = table[table.scenario == name].sort_values("points")
+            look = {"color": SCENARIO_COLOURS[name], "marker": "o", "ms": 3.5, "lw": 1.1,
+                    "label": scenario_name(name)}  # fmt: skip
+            if f"{column}_low" in rows:
+                reach = [
+                    rows[column] - rows[f"{column}_low"],
+                    rows[f"{column}_high"] - rows[column],
+                ]
+                ax.errorbar(rows.points, rows[column], reach, elinewidth=0.9, **look)
+            else:
+                ax.plot(rows.points, rows[column], **look)
+        for name, sigma in printed.items() if column == "sigma_deg" else ():
+            colour = SCENARIO_COLOURS[name]
+            ax.axhline(sigma, color=colour, lw=0.9, ls=(0, (4, 2)), label=f"{name}, as printed")
+        ax.set_title(title)
+        ax.set_xscale("symlog", linthresh=1, linscale=0.4)
+        ax.set_xlim(left=-0.15)
+        ax.set_yscale("linear" if column == "coverage" else "log")
+    ticks = [0, 3, 30, table.points.max()]
+    for ax in axes[1]:
+        ax.set_xticks(ticks, ["0, centroids", "3", "30", "all"])
+        ax.set_xlabel("points of a face that enter")
+    axes[1, 0].axhline(1.0, color=SCENARIO_COLOURS["truth"], lw=0.7, ls=":")
+    axes[1, 1].axhline(CONFIDENCE, color=SCENARIO_COLOURS["truth"], lw=0.7, ls=":")
+    axes[1, 1].set_ylim(0, 1.03)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    return figure
 
 
 def offset_table(truth_m: np.ndarray, estimates: dict[str, tuple[np.ndarray, np.ndarray]]):

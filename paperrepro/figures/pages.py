@@ -29,9 +29,17 @@ from paperrepro.frames import ANGLES
 from paperrepro.method.accuracy import median_ratio, rmse
 from paperrepro.method.adjustment.observability import AXIS_WORDS
 from paperrepro.paper.artefacts import ARTEFACTS, Artefact, Values, caption
-from paperrepro.paper.claims import HEADLINES
 from paperrepro.paper.numbers import SYMBOLS, cells, heading, number, worded
-from paperrepro.paper.verdicts import COLUMNS, CONDITIONS, FAILS, HOLDS, UNTESTED
+from paperrepro.paper.tables import headlines, what_came_out
+from paperrepro.paper.verdicts import (
+    COLUMNS,
+    CONDITIONS,
+    FAILS,
+    HOLDS,
+    SAYS,
+    UNDECIDED,
+    UNTESTED,
+)  # fmt: skip
 from paperrepro.study.environment import package_versions
 from paperrepro.study.rows import SurveyKey, frame
 from paperrepro.study.statistics import TWO_SIDED
@@ -39,7 +47,10 @@ from paperrepro.study.statistics import TWO_SIDED
 NAME = "report.html"
 CM = 100.0
 #: Verdicts of the ledger in their order, with the class of their chip.
-CHIPS = {HOLDS: "holds", CONDITIONS: "partly", FAILS: "fails", UNTESTED: "untested"}
+CHIPS = {
+    HOLDS: "holds", CONDITIONS: "partly", FAILS: "fails", UNDECIDED: "untested",
+    UNTESTED: "untested",
+}  # fmt: skip
 #: A larger SVG is shown as PNG: pictures of many points are heavy as vectors.
 LARGEST_SVG_BYTES = 60_000
 #: Pixels across an embedded picture.
@@ -154,14 +165,17 @@ def page(folder: Path, run: SurveyKey) -> str:
     values = Values.of(rows, run)
     items = [_item(folder, artefact, values, claims) for artefact in ARTEFACTS]
     unlisted = [_item(folder, artefact, values, claims) for artefact in _unlisted(folder)]
-    headlines = [claim for claim in claims if claim["id"] in HEADLINES]
-    others = [claim for claim in claims if claim["id"] not in HEADLINES]
-    given = [claim["verdict"] for claim in claims]
+    table = pd.DataFrame(claims, columns=list(COLUMNS))
+    first = {name: place for place, name in enumerate(headlines(table).id)}
+    short = sorted((c for c in claims if c["id"] in first), key=lambda c: first[c["id"]])
+    others = [claim for claim in claims if claim["id"] not in first]
+    given = [claim["verdict"] for claim in claims if claim["kind"] == SAYS]
     return _render(
         "report_template.html",
         claims=claims,
-        headlines=headlines or claims,
-        others=others if headlines else [],
+        came_out=what_came_out(table),
+        headlines=short or claims,
+        others=others if short else [],
         verdicts={name: given.count(name) for name in dict.fromkeys([*CHIPS, *given])},
         chip=CHIPS,
         tables=[item for item in items if item.artefact.name.startswith("table")],

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS, canvas, scenario_name
-from paperrepro.paper.verdicts import CONDITIONS, FAILS, HOLDS, UNTESTED
+from paperrepro.paper.verdicts import CONDITIONS, FAILS, HOLDS, UNDECIDED, UNTESTED
 from paperrepro.study.rows import FOUND
 from paperrepro.study.statistics import (
     CONFIDENCE,
@@ -148,7 +148,8 @@ def kinds(table: pd.DataFrame) -> Figure:
 
 
 VERDICT_COLOURS = {
-    HOLDS: "#009e73", CONDITIONS: "#e69f00", FAILS: "#d55e00", UNTESTED: "#b3b3b3",
+    HOLDS: "#009e73", CONDITIONS: "#e69f00", FAILS: "#d55e00", UNDECIDED: "#7a9cc6",
+    UNTESTED: "#b3b3b3",
 }  # fmt: skip
 
 

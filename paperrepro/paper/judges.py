@@ -28,9 +28,11 @@ Beside = Mapping[str, Quantity]
 
 #: Two methods are as good as each other if they differ by less than this share of the second.
 MARGIN = 0.1
-#: Intervals that promise 95 % and hold the truth so often are honest still; so are errors whose
-#: mean square, in units of the formal covariance, is at most that.
-LEAST_COVERAGE, MOST_NEES = 0.9, 1.5
+#: A sigma is honest if errors are so many times as large as it says, at most; then 95 % intervals
+#: hold the truth so often, and this is the mean square of errors in units of their covariance.
+MOST_OVER_SIGMA = 4 / 3
+LEAST_COVERAGE = 2 * float(stats.norm.cdf(TWO_SIDED / MOST_OVER_SIGMA)) - 1
+MOST_NEES = MOST_OVER_SIGMA**2
 #: What is said of every survey may fail in so many of them before it is refuted beyond chance.
 EXCEPTIONS = 0.05
 #: A growth with noise needs so many noise scales.
@@ -417,7 +419,7 @@ def unharmed(surveys: Surveys, scenario: str) -> pd.Series:
 def _all_within(errors: list[pd.Series], limits: list[float]) -> pd.Series:
     inside = [e.abs() <= limit for e, limit in zip(errors, limits, strict=True)]
     return _true(
-        pd.concat(inside, axis=1).all(axis=1), pd.concat(errors, axis=1).sum(1, skipna=False)
+        pd.concat(inside, axis=1).all(axis=1), pd.concat(errors, axis=1).sum(axis=1, skipna=False)
     )
 
 

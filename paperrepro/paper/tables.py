@@ -1,5 +1,6 @@
 """Tables for readers: Tables 2 and 4 beside the paper's, and the ledger in short for a text."""
 
+import itertools
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.roofs import RoofParameters
 from paperrepro.paper.claims import HEADLINES, OUR_HEADLINES
 from paperrepro.paper.numbers import shown
-from paperrepro.paper.published import TABLE2, TABLE4
+from paperrepro.paper.published import TABLE2, TABLE4, TABLE5
 from paperrepro.paper.verdicts import (
     CONDITIONS,
     FAILS,
@@ -25,7 +26,8 @@ from paperrepro.paper.verdicts import (
     UNTESTED,
     VERDICTS,
 )  # fmt: skip
-from paperrepro.study.rows import SurveyKey
+from paperrepro.study.rows import FEW, MANY, SurveyKey
+from paperrepro.study.statistics import Evidence, TooLittle
 
 
 def calibration_rows(
@@ -48,26 +50,54 @@ def calibration_rows(
 
 
 def table4(rows: pd.DataFrame) -> pd.DataFrame:
-    """Table 4 for readers: the paper's value, our truth, our estimate, its sigma and its error."""
+    """Table 4 for readers, a line for each estimator and angle: the paper's value, our truth, our
+    estimate with its sigma and error, from few points a face and, ``all_``, from all of them."""
     rows = rows[(rows.artefact == "table4") & rows.metric.isin(ANGLES)]
-    truth = rows[rows.scenario == "truth"].set_index("metric").value
+    known = rows.set_index(["scenario", "metric"])
     lines = []
-    for row in rows[rows.scenario != "truth"].itertuples():
-        paper = TABLE4.get((row.scenario, row.metric))
-        lines.append(
-            {
-                "scenario": row.scenario,
-                "angle": row.metric,
-                "paper_deg": paper.value if paper else np.nan,
-                "paper_sigma_deg": paper.sigma if paper else np.nan,
-                "truth_deg": truth[row.metric],
-                "estimate_deg": row.value,
-                "sigma_deg": row.sigma,
-                "error_deg": row.value - truth[row.metric],
-                "error_in_sigma": (row.value - truth[row.metric]) / row.sigma,
-            }
-        )
+    for x, angle in itertools.product((*FEW, "D"), ANGLES):
+        if (FEW.get(x, x), angle) not in known.index:
+            continue
+        truth, paper = known.value["truth", angle], TABLE4.get((x, angle))
+        line = {
+            "scenario": x, "angle": angle,
+            "paper_deg": paper.value if paper else np.nan,
+            "paper_sigma_deg": paper.sigma if paper else np.nan, "truth_deg": truth,
+        }  # fmt: skip
+        for start, reading in {"": FEW, "all_": MANY}.items():
+            name = reading.get(x, x if not start else "")
+            value, sigma = np.nan, np.nan
+            if (name, angle) in known.index:
+                value, sigma = known.loc[(name, angle), ["value", "sigma"]]
+            line |= {
+                f"{start}estimate_deg": value, f"{start}sigma_deg": sigma,
+                f"{start}error_deg": value - truth,
+                f"{start}error_in_sigma": (value - truth) / sigma,
+            }  # fmt: skip
+        lines.append(line)
     return pd.DataFrame(lines)
+
+
+def table5(left: pd.DataFrame, study: pd.DataFrame) -> pd.DataFrame:
+    """Table 5 for readers, a line for each method: the shares that it leaves in one survey,
+    ``left`` by scenario; the share of the mean distance over the surveys of a ``study``, its mean
+    and the range of nine in ten; and the paper's."""
+    table = left.copy()
+    for name in ("mean", "low", "high"):
+        table[f"surveys_{name}"] = np.nan
+    try:
+        evidence = Evidence(study)
+        surveys = evidence.surveys(evidence.settings("mount")[0])
+        for x in table.index:
+            share = surveys.left(FEW.get(x, x), "mae_reference").dropna()
+            spread = [share.mean(), *share.quantile([0.05, 0.95])]
+            table.loc[x, ["surveys_mean", "surveys_low", "surveys_high"]] = spread
+    except TooLittle:
+        pass
+    table["paper"] = [TABLE5.get(x, TABLE5["proposed"] if x in "BC" else None) for x in table.index]
+    table["paper"] = [value.value if value else np.nan for value in table.paper]
+    table.index = [f"{x} (proposed)" if x in "BC" else x for x in table.index]
+    return table.rename_axis("method").reset_index()
 
 
 #: How Table 2 is read, or why another value is used; printed beside it.
@@ -135,18 +165,17 @@ def headlines(ledger: pd.DataFrame) -> pd.DataFrame:
 
 def what_came_out(ledger: pd.DataFrame) -> str:
     """The verdicts counted, in words, by whose the claims are."""
-    parts = []
     whose = {
         SAYS: "sentences of the paper",
         FOLLOWS: "that follow from what it prints",
-        OURS: "ours",
+        OURS: "claims of ours",
     }
+    parts = []
     for kind, words in whose.items():
-        given = ledger[ledger.kind == kind].verdict.value_counts()
-        counts = {name: int(given.get(name, 0)) for name in VERDICTS}
+        given = ledger[ledger.kind == kind].verdict
+        counts = {name: (given == name).sum() for name in VERDICTS}
         others = ", ".join(f"{n} {name}" for name, n in counts.items() if n and name != HOLDS)
-        holds = f"{counts[HOLDS]} of {sum(counts.values())} {words} {'hold' if counts[HOLDS] != 1 else 'holds'}"
-        parts.append(f"{holds}{' (' * bool(others)}{others}{')' * bool(others)}")
+        parts.append(f"{counts[HOLDS]} of {len(given)} {words} hold ({others or 'all'})")
     return f"{'; '.join(parts)}."
 
 

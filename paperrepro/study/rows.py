@@ -32,6 +32,14 @@ MANY = {"SL": "SL", "A": "A all", "B": "B", "C": "C"}
 CENTROIDS, WITHOUT_OFFSETS = "B 0", "SL without offsets"
 #: Further numbers of points a face, where sigma is looked at as a function of it.
 BETWEEN = ("SL 30", "A 3", "A 30", "B 30", "C 30", "D 3", "D 30")
+#: Of each estimator, its variants by points a face; None: all.
+POINTS = {
+    "SL": (("SL 3", 3), ("SL 30", 30), ("SL", None)),
+    "A": (("A", 0), ("A 3", 3), ("A 30", 30), ("A all", None)),
+    "B": (("B 0", 0), ("B 3", 3), ("B 30", 30), ("B", None)),
+    "C": (("C 3", 3), ("C 30", 30), ("C", None)),
+    "D": (("D 3", 3), ("D 30", 30), ("D", None)),
+}
 #: Endings: after the refinement of each pair of strips for itself, and by four planes alone.
 PER_PAIR, BY_FOUR = " refined per pair", " refined by four planes"
 #: Of `FEW`: A with the pairs of strips that Table 1 lists; [11] with roofs of one direction, and

@@ -4,7 +4,7 @@ Everything is compared over seeds: a survey is one independent sample, its thous
 not. Intervals are bootstrapped over surveys, or exact for shares of surveys.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -252,6 +252,46 @@ def promises_by_kind(rows: pd.DataFrame, scenarios: tuple[str, ...]) -> pd.DataF
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
+def against_points(
+    rows: pd.DataFrame, points: Mapping[str, Sequence[tuple[str, float | None]]]
+) -> pd.DataFrame:
+    """What sigma, error and honesty are for each number of points a face, at the specified noise.
+
+    ``points`` of each estimator: the names of its variants with their points a face, None for all,
+    which stands at their mean number. Columns scenario, points, surveys; over the three angles the
+    RMS of the error, ``rms_deg``, and of the formal sigma, ``sigma_deg``; ``coverage`` and
+    ``nees``, each with its bootstrap interval by survey, ``_low`` and ``_high``.
+    """
+    try:
+        evidence = Evidence(rows)
+        surveys = evidence.surveys(evidence.settings("mount")[0])
+        all_points = (surveys.of("all", "points") / surveys.of("all", "views")).mean()
+    except TooLittle:
+        return pd.DataFrame()
+    lines = []
+    for scenario, variants in points.items():
+        for name, number in variants:
+            try:
+                lines.append([scenario, number if number is not None else all_points,
+                              *_honesty(surveys, name)])  # fmt: skip
+            except TooLittle:
+                continue
+    spans = [f"{name}{end}" for name in ("coverage", "nees") for end in ("", "_low", "_high")]
+    return pd.DataFrame(
+        lines, columns=["scenario", "points", "surveys", "rms_deg", "sigma_deg", *spans]
+    )
+
+
+def _honesty(surveys: Surveys, name: str) -> list[float]:
+    series = [surveys.of(name, f"{of}error_{a}") for of in ("", SIGMA) for a in ANGLES]
+    *known, nees = surveys.enough(*series, surveys.of(name, "nees"))
+    error, sigma = np.split(np.column_stack(known), 2, axis=1)
+    held = surveys.mean_share(pd.Series((np.abs(error) <= TWO_SIDED * sigma).mean(axis=1)))
+    sizes = [np.sqrt((values**2).sum(axis=1).mean()) for values in (error, sigma)]
+    mean = surveys.mean(nees)
+    return [len(nees), *sizes, held.value, held.low, held.high, mean.value, mean.low, mean.high]
+
+
 def _of_metric(rows: pd.DataFrame, metric: str) -> pd.DataFrame:
     return rows[rows.metric == metric]
 
@@ -271,15 +311,19 @@ OFFSETS = {"offset_reference": "offset_mean_reference", "offset_truth": "offset_
 _MEASURED = ["error_deg", "sigma_deg", "held", *OFFSETS, "beats_sl"]
 
 
-def survey_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """One line for each survey and scenario: setting, noise_scale, seed, scenario;
+def survey_table(rows: pd.DataFrame, reading: Mapping[str, str] | None = None) -> pd.DataFrame:
+    """One line for each survey and scenario: setting, noise_scale, seed, scenario, by ``reading``
+    that of a variant;
 
     error_deg and sigma_deg, the boresight error and its formal sigma over all three angles; held,
     the share of the angles whose 95 % interval holds the truth; offset_reference and offset_truth,
     the mean absolute vertical offset at the virtual points (m); beats_sl, 1 where the error is
     smaller than that of SL, [11], in the same survey, else 0.
     """
-    rows = rows[(rows.artefact == ARTEFACT) & rows.scenario.isin((*SCENARIO_NAMES, TRUTH))]
+    reading = {name: name for name in (*SCENARIO_NAMES, TRUTH)} | dict(reading or {})
+    called = {name: x for x, name in reading.items()}
+    rows = rows[(rows.artefact == ARTEFACT) & rows.scenario.isin(called)]
+    rows = rows.assign(scenario=rows.scenario.map(called))
     setting = SETTING + [name for name in rows if name not in COLUMNS]
     parts = [
         _of_setting(part).assign(**dict(zip(setting, key, strict=True)))

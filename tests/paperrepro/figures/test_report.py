@@ -18,7 +18,7 @@ import pytest
 from paperrepro.errors import BadInput
 from paperrepro.figures import pages
 from paperrepro.paper.artefacts import ARTEFACTS, CAPTIONS, Values, caption
-from paperrepro.paper.verdicts import COLUMNS
+from paperrepro.paper.verdicts import COLUMNS, OURS, SAYS
 from paperrepro.study.rows import SurveyKey, frame
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -27,13 +27,15 @@ RUN = SurveyKey("mount", "quick", 1.0, 7)
 NBSP = "\u00a0"
 HOSTILE = '<script>alert("x")</script> & "quoted"'
 CLAIMS = [
-    ("c1", "RMSE falls by 90 %", "Fig. 7", "inequality", "0.9", "0.84", "0.8", "0.9", "1", "20",
-     "does not hold", "reference too noisy"),
-    ("c2", HOSTILE, "Fig. 11", "inequality", "0.4", "0.112", "0.08", "0.12", "m", "20",
+    ("c1", "RMSE falls by 90 %", "Fig. 7", SAYS, "0.9", "0.84", "0.8", "0.9", "1",
+     "B 84 % (80 % to 90 %); C 83 % (80 % to 88 %)", "20", "does not hold", "reference too noisy"),
+    ("c2", HOSTILE, "Fig. 11", SAYS, "0.4", "0.112", "0.08", "0.12", "m", "", "20",
      "holds under conditions", HOSTILE),
-    ("c3", "Overlap as printed", "Table 1", "input", "70", "70", "70", "70", "%", "1", "holds", ""),
-    ("c4", "Lever arm with it", "section 4", "pattern", "", "", "", "", "", "0",
+    ("c3", "Overlap as printed", "Table 1", SAYS, "70", "70", "70", "70", "%", "", "1",
+     "holds", ""),
+    ("c4", "Lever arm with it", "section 4", SAYS, "", "", "", "", "", "", "0",
      "not testable here", ""),
+    ("c5", "D is honest", "beside section 4", OURS, "", "", "", "", "", "", "20", "undecided", ""),
 ]  # fmt: skip
 
 
@@ -122,12 +124,14 @@ def page(folder):
 def test_the_ledger_counts_every_verdict_and_states_it_in_words(page):
     counts = re.findall(r'<li class="\w+"><b>(\d+)</b> <span>.*?</svg>([\w ]+)</span>', page.text)
     assert [(int(count), verdict) for count, verdict in counts] == [
-        (1, "holds"), (1, "holds under conditions"), (1, "does not hold"), (1, "not testable here"),
+        (1, "holds"), (1, "holds under conditions"), (1, "does not hold"), (0, "undecided"),
+        (1, "not testable here"),
     ]  # fmt: skip
     chips = re.findall(r'<span class="chip (\w+)">\s*<svg.*?</svg>(.+?)</span>', page.text)
     assert {("fails", "does not hold"), ("holds", "holds")} <= set(chips)
     assert f"11.2{NBSP}cm" in page.text
-    assert f"8.0{NBSP}cm to 12.0{NBSP}cm" in page.text
+    assert "B 84 % (80 % to 90 %); C 83 % (80 % to 88 %)" in page.text
+    assert "1 of 4 sentences of the paper hold" in page.text
 
 
 def test_a_claim_stands_with_the_artefact_it_speaks_of(page):

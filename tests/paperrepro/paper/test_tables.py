@@ -9,9 +9,10 @@ import pytest
 import paperrepro
 from paperrepro.method.adjustment.scenarios import calibrate
 from paperrepro.method.roofs import RoofParameters
-from paperrepro.paper.published import TABLE2, TABLE4
-from paperrepro.paper.tables import calibration_rows, markdown_summary, table2, table4
+from paperrepro.paper.published import TABLE2, TABLE4, TABLE5
+from paperrepro.paper.tables import calibration_rows, markdown_summary, table2, table4, table5
 from paperrepro.study.rows import COLUMNS, SurveyKey, frame, write_csv
+from paperrepro.study.statistics import LEAST_SEEDS
 from tests.paperrepro.labelled import matched_faces, survey_of
 
 RUN = SurveyKey("mount", "quick", 1.0, 7)
@@ -20,7 +21,7 @@ RUN = SurveyKey("mount", "quick", 1.0, 7)
 @pytest.fixture(scope="module")
 def rows():
     tie_planes, truth, _ = matched_faces()
-    results = {name: calibrate(survey_of(), tie_planes, name) for name in ("SL", "A")}
+    results = {name: calibrate(survey_of(), tie_planes, name) for name in ("SL 3", "SL", "A")}
     return frame(calibration_rows(RUN, results, truth.boresight + np.deg2rad([0.1, 0.2, 0.3])))
 
 
@@ -41,6 +42,24 @@ def test_table4_sets_paper_truth_estimate_and_error_side_by_side(rows):
     assert line.error_deg == pytest.approx(-0.2)
     assert line.error_in_sigma == pytest.approx(line.error_deg / line.sigma_deg)
     assert np.isnan(table.loc["SL", "phi"].paper_deg)  # the paper prints no row for [11] alone
+    assert table.loc["SL", "phi"].all_sigma_deg < table.loc["SL", "phi"].sigma_deg
+    assert np.isnan(line.all_sigma_deg)  # not calibrated by "A all"
+
+
+def test_table5_has_our_value_beside_the_proposed_one():
+    left = pd.DataFrame({"mean_left": [0.2, 0.3]}, index=["SL", "B"])
+    table = table5(left, frame([])).set_index("method")
+    assert table.paper.tolist() == [TABLE5["SL"].value, TABLE5["proposed"].value]
+    assert table.mean_left["B (proposed)"] == 0.3
+    assert table.surveys_mean.isna().all()
+    rows = [
+        SurveyKey("mount", "quick", 1.0, seed).row("study", name, "mae_reference", "m", value)
+        for seed in range(1, LEAST_SEEDS + 1)
+        for name, value in {"before": 1.0, "SL 3": 0.1, "B 3": 0.01 * seed}.items()
+    ]
+    table = table5(left, frame(rows)).set_index("method")
+    assert table.surveys_mean["SL"] == pytest.approx(0.1)
+    assert table.surveys_high["B (proposed)"] > table.surveys_low["B (proposed)"] > 0
 
 
 def test_csv_is_written_whole_and_read_back(tmp_path, rows):
