@@ -116,7 +116,7 @@ def _load(path: Path) -> Any:
 
 def _store(value: Any, path: Path) -> bool:
     """Whether ``value`` could be written to ``path``."""
-    part, note = path.with_suffix(f".{os.getpid()}.part"), path.with_suffix(".sum")
+    part, note = path.with_suffix(".part"), path.with_suffix(".sum")
     try:
         joblib.dump(value, part)
         written = f"{part.stat().st_size} {_crc(part)}\n"

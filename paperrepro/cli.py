@@ -63,10 +63,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         return _told(f"{where}{error.strerror or error}; make it readable, writable or larger", 1)
-    except Exception as error:
+    except MemoryError as error:
+        return _told(f"out of memory ({error}); give fewer or smaller strips, or more memory", 1)
+    except SystemExit:  # of --help
+        raise
+    except BaseException as error:  # a library of Rust panics with one that is no Exception
         if verbose:
             raise
-        return _told(f"{type(error).__name__}: {error}; --verbose shows where; please report it", 1)
+        log = pr.study.environment.fault_log(
+            error, sys.argv[1:] if arguments is None else arguments
+        )
+        where = f"with {log}" if log else "with what --verbose shows"
+        return _told(
+            f"{type(error).__name__}: {error}; this is a fault of the program: report it to those "
+            f"from whom you have it, {where}", 1,
+        )  # fmt: skip
 
 
 def _told(words: str, code: int) -> int:
@@ -243,10 +254,12 @@ def _reproduce(options: argparse.Namespace) -> int:
     parameters = {name: getattr(options, name) for name in names}
     data_synth.make_config(**parameters)  # refuses what cannot be, before anything runs
     say, start = _say(options), time.perf_counter()
-    seconds = pr.reproduce(out, parameters, options.only or (), options.jobs)
+    run = pr.study.rows.SurveyKey(**parameters)
+    seconds = pr.reproduce(
+        out, parameters, options.only or (), options.jobs, lambda d: pr.figures.pages.write(d, run)
+    )
     for name, spent in seconds.items():
         say(f"{name:32s} {spent:7.1f} s")
-    pr.figures.pages.write(out, pr.study.rows.SurveyKey(**parameters))
     say(f"{out}: done in {time.perf_counter() - start:.0f} s")
     return 0
 
@@ -314,7 +327,8 @@ def _calibrate_options(commands) -> None:
 
 def _calibrate(options: argparse.Namespace) -> int:
     parameters = pr.method.parameters.Parameters.read(options.set)
-    _require_strips_apart(options)
+    if options.write_strips:
+        pr.flight.read.require_apart(options.strips, options.out)
     calibration, pages = pr.flight.calibration_file, pr.figures.pages
     with written_whole(options.out) as draft, _Steps(options) as steps:
         steps("reading")
@@ -339,20 +353,6 @@ def _calibrate(options: argparse.Namespace) -> int:
     say(f"{options.out}: {calibration.NAME}, {pages.NAME}")
     say("\n".join([*flight.notes, own.summary()]))
     return 0
-
-
-def _require_strips_apart(options: argparse.Namespace) -> None:
-    """Before hours of work: files that would be lost, or take each other's names."""
-    names = [path.name for path in options.strips]
-    for path in options.strips:
-        if names.count(path.name) > 1:
-            raise BadInput(f"{path}: given twice, or two files have this name; rename one of them")
-        target = options.out / path.name
-        if options.write_strips and target.exists() and target.samefile(path):
-            raise BadInput(
-                f"{path}: --write-strips would overwrite it; choose another folder than "
-                f"{options.out}"
-            )
 
 
 def _files(options: argparse.Namespace) -> dict[str, str]:

@@ -32,7 +32,6 @@ from paperrepro.method.adjustment.calibrate import PAPER_SCENARIOS, SCENARIO_NAM
 from paperrepro.method.adjustment.model_checks import model_checks
 from paperrepro.method.adjustment.quality import TrueNoise, cramer_rao_bound
 from paperrepro.method.adjustment.result import CalibrationResult
-from paperrepro.method.adjustment.screening import screen
 from paperrepro.method.adjustment.trajectory_equations import AXES, GaussMarkov
 from paperrepro.method.adjustment.trajectory_errors import few_planes, find_noise
 from paperrepro.method.coarse_to_fine import (
@@ -370,11 +369,11 @@ def _add_refined(rows: _Rows, flown: SimulatedSurvey, results) -> dict[str, Moun
 
 def _add_found(rows: _Rows, flown: SimulatedSurvey, sl: CalibrationResult | None) -> None:
     """Scenario D as `calibrate_flight` runs it, and what contradicts its model."""
-    survey, tie_planes = flown.survey, flown.found.tie_planes
+    survey = flown.survey
     result = rows.attempt(FOUND, _under_found_noise, survey, flown.found)
     if result:
         rows.add_result(FOUND, result)
-        kept = tie_planes.subset(screen(survey, tie_planes).kept) if result.rejected else tie_planes
+        kept = result.adjusted(flown.found.tie_planes)
         checks = model_checks(result, survey, kept, sl and sl.boresight)
         for check in checks:
             rows.add(FOUND, f"check_{check.name}", not check.passed)
