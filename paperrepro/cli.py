@@ -63,21 +63,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         return _told(f"{where}{error.strerror or error}; make it readable, writable or larger", 1)
-    except MemoryError as error:
-        return _told(f"out of memory ({error}); give fewer or smaller strips, or more memory", 1)
     except SystemExit:  # of --help
         raise
     except BaseException as error:  # a library of Rust panics with one that is no Exception
         if verbose:
             raise
-        log = pr.study.environment.fault_log(
-            error, sys.argv[1:] if arguments is None else arguments
-        )
-        where = f"with {log}" if log else "with what --verbose shows"
-        return _told(
-            f"{type(error).__name__}: {error}; this is a fault of the program: report it to those "
-            f"from whom you have it, {where}", 1,
-        )  # fmt: skip
+        return _told(pr.study.environment.fault(error, arguments or sys.argv[1:]), 1)
 
 
 def _told(words: str, code: int) -> int:
@@ -487,7 +478,23 @@ def _study(options: argparse.Namespace) -> int:
     return 0
 
 
+def _cache_options(commands) -> None:
+    words = "how much is kept of surveys and roofs so as not to be computed again"
+    command = _command(commands, _cache, words, "--clear", "._cache")
+    command.add_argument("--clear", action="store_true", help="remove it")
+
+
+def _cache(options: argparse.Namespace) -> int:
+    from paperrepro import _cache as kept
+
+    entries = kept.clear() if options.clear else kept.entries()
+    size = sum(entry.size for entry in entries) / 1e9
+    what = "removed" if options.clear else f"of at most {kept.limit() / 1e9:g} GB ({kept.LIMIT})"
+    _say(options)(f"{kept.cache_folder()}: {len(entries)} entries, {size:.2f} GB {what}")
+    return 0
+
+
 _COMMANDS = (
     _reproduce_options, _simulate_options, _calibrate_options, _apply_options, _sweep_options,
-    _study_options,
+    _study_options, _cache_options,
 )  # fmt: skip

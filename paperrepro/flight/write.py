@@ -7,7 +7,7 @@ trajectory does not cover) stay where they are.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import laspy
@@ -173,9 +173,17 @@ def moved_points(
     flight (heights as in the file)."""
     decoder = flight.decoder
     rays = decoder.decode(file, file.decoded(chunk))
-    n_rings = flight.survey.scanner.n_rings
-    offsets = np.zeros(ray_test.UNKNOWN_RING + 1)
-    offsets[:n_rings] = mounting.offsets(n_rings)[:n_rings]
     seen = Rays(rays.pose, rays.ring, rays.azimuth, rays.elevation, rays.rho)
-    p_m = georeference(seen, mounting.with_calibration(mounting.boresight, offsets))
+    p_m = georeference(seen, _for_all_rings(mounting, flight.survey.scanner.n_rings))
     return rays.timed & ray_test.is_return(rays.rho), p_m - decoder.shift
+
+
+def _for_all_rings(mounting: Mounting, n_rings: int) -> Mounting:
+    """With offsets of zero for rings that are no beam."""
+    more = ray_test.UNKNOWN_RING + 1 - n_rings
+    ranges, beams = mounting.offsets(n_rings)[:n_rings], mounting.beam_offsets
+    return replace(
+        mounting,
+        range_offsets=np.pad(ranges, (0, more)),
+        beam_offsets=None if beams is None else np.pad(beams, ((0, more), (0, 0))),
+    )

@@ -90,9 +90,11 @@ def package_versions() -> dict[str, str]:
     return dict(sorted(versions.items()))
 
 
-def fault_log(error: BaseException, arguments: Sequence[str]) -> Path | None:
-    """A new file that tells of an unforeseen ``error``: command, versions, traceback. It lies in
-    the cache folder; None where it cannot be written."""
+def fault(error: BaseException, arguments: Sequence[str]) -> str:
+    """What to tell of an ``error`` that nobody foresaw. The rest, command, versions and traceback,
+    is written into a file in the cache folder."""
+    if isinstance(error, MemoryError):
+        return f"out of memory ({error}); give fewer or smaller strips, or more memory"
     now = time.strftime("%Y-%m-%dT%H-%M-%S")
     path = cache_folder() / "faults" / f"{now}-{os.getpid()}.log"
     told = {
@@ -104,9 +106,13 @@ def fault_log(error: BaseException, arguments: Sequence[str]) -> Path | None:
         "paperrepro": __version__,
     }
     lines = [f"{name}: {value}" for name, value in (told | package_versions()).items()]
+    more = f"with {path}"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, "\n".join([*lines, "", *traceback.format_exception(error)]))
     except OSError:
-        return None
-    return path
+        more = "with what --verbose shows"
+    return (
+        f"{type(error).__name__}: {error}; this is a fault of the program: report it to those from "
+        f"whom you have it, {more}"
+    )
