@@ -2,6 +2,7 @@
 again, and compared with one that nobody disturbed."""
 
 import json
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -9,10 +10,11 @@ from dataclasses import replace
 import pytest
 
 from data_synth.operator import Site, write_survey
+from paperrepro.study.environment import ONE_THREAD
 from tests.paperrepro.ending import MOMENTS
 
 #: Every so many points of the strips.
-THINNING = 8
+THINNING = 40
 #: Written with times and lengths of their making.
 VARYING = ("executed", ".ipynb", ".lock")
 
@@ -27,7 +29,8 @@ def ends(flown, tmp_path_factory):
     survey = replace(flown.survey, strips=tuple(strips))
     write_survey(folder / "flight", survey, flown.truth, Site(), 1e-4)
     command = [sys.executable, "-m", "tests.paperrepro.ending", str(folder), *MOMENTS]
-    done = subprocess.run(command, capture_output=True, text=True)
+    one_thread = {**os.environ, **ONE_THREAD}  # threads do not survive a fork
+    done = subprocess.run(command, capture_output=True, text=True, env=one_thread)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout), folder
 
