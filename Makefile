@@ -62,8 +62,10 @@ readme: $(ready) ## put the claims of figures/claims.csv into README.md
 bench: $(ready) ## time every stage beside its peers, into OUT
 	$(bin)/python -m tests.benchmarks --out "$(OUT)" $(ARGS)
 
-lab: $(ready) ## open the notebooks in JupyterLab
-	$(bin)/jupyter lab notebooks $(ARGS)
+# tools/jupyter: no offer to build an extension that came with Open3D, no news.
+lab: $(ready) ## open notebooks and results in JupyterLab
+	JUPYTER_CONFIG_PATH=tools/jupyter $(bin)/jupyter lab $(if $(filter 0,$(shell id -u)),--allow-root) \
+	    --LabApp.default_url=/lab/tree/notebooks/00_start_here.ipynb $(ARGS)
 
 clean: ## remove caches, build leftovers and executed notebooks
 	rm -rf build dist runs .pytest_cache .ruff_cache .benchmarks -- *.egg-info

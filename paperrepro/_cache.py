@@ -12,13 +12,13 @@ import functools
 import importlib.util
 import os
 import pickle
+import re
 import tempfile
-import time
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import joblib
 from filelock import FileLock
@@ -29,8 +29,10 @@ from paperrepro._files import private_folder
 PACKAGES = ("paperrepro", "data_synth")
 #: Names that the lazy door of the package offers, in full, and their modules.
 _API = {f"paperrepro.{name}": module for name, module in API.items()}
-#: Entries not read for so long are removed when a new one is written.
-KEPT_SECONDS = 14 * 24 * 3600
+#: Names the limit of all entries together, GB; a new one removes those that were not read longest.
+LIMIT = "PAPERREPRO_CACHE_GB"
+USUAL_GB = 5.0
+_ENDINGS = (".joblib", ".sum", ".lock", ".part")
 _KEY = "_cache_key"
 _MISSING = object()
 
@@ -45,6 +47,57 @@ def cache_folder() -> Path:
         return Path.home() / ".cache" / "paperrepro"
     except RuntimeError:  # a user without a home
         return Path(tempfile.gettempdir()) / f"paperrepro-{os.getuid()}"
+
+
+class Entry(NamedTuple):
+    """When it was last read (s since 1970), its size (bytes) and its ``path``."""
+
+    read: float
+    size: int
+    path: Path
+
+
+def entries() -> list[Entry]:
+    """What is kept, the one last read at the end."""
+    found = []
+    for path in _ours(_ENDINGS[:1]):
+        with suppress(OSError):  # another process has just removed it
+            state = path.stat()
+            found.append(Entry(state.st_mtime, state.st_size, path))
+    return sorted(found)
+
+
+def _ours(endings: tuple[str, ...]) -> list[Path]:
+    """Files of the cache with these endings: nothing else that may lie in the folder."""
+    return [
+        path for path in cache_folder().glob("*/*.*")
+        if path.suffix in endings and re.fullmatch("[0-9a-f]{32}", path.name.partition(".")[0])
+    ]  # fmt: skip
+
+
+def limit() -> float:
+    """How many bytes are kept."""
+    try:
+        return 1e9 * float(os.environ.get(LIMIT, USUAL_GB))
+    except ValueError:
+        return 1e9 * USUAL_GB
+
+
+def clear() -> list[Entry]:
+    """Remove all entries; gives those that there were."""
+    there = entries()
+    for path in _ours(_ENDINGS):
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+    return there
+
+
+def _keep_to_limit() -> None:
+    there = entries()
+    while there and sum(entry.size for entry in there) > limit():
+        path = there.pop(0).path
+        for ending in _ENDINGS[:2]:
+            path.with_suffix(ending).unlink(missing_ok=True)
 
 
 def cached(function: Callable, *args: Any, **kwargs: Any) -> Any:
@@ -123,9 +176,7 @@ def _store(value: Any, path: Path) -> bool:
         note.with_suffix(".part").write_text(written)
         os.replace(note.with_suffix(".part"), note)
         os.replace(part, path)
-        for old in path.parent.glob("*.joblib"):
-            if time.time() - old.stat().st_mtime > KEPT_SECONDS:
-                old.unlink(missing_ok=True)
+        _keep_to_limit()
     except (OSError, pickle.PicklingError):
         return False
     finally:

@@ -314,7 +314,8 @@ def _calibrate_options(commands) -> None:
 
 def _calibrate(options: argparse.Namespace) -> int:
     parameters = pr.method.parameters.Parameters.read(options.set)
-    _require_strips_apart(options)
+    out = options.out if options.write_strips else None
+    pr.flight.write.require_names_apart(options.strips, out)  # before hours of work
     calibration, pages = pr.flight.calibration_file, pr.figures.pages
     with written_whole(options.out) as draft, _Steps(options) as steps:
         steps("reading")
@@ -339,20 +340,6 @@ def _calibrate(options: argparse.Namespace) -> int:
     say(f"{options.out}: {calibration.NAME}, {pages.NAME}")
     say("\n".join([*flight.notes, own.summary()]))
     return 0
-
-
-def _require_strips_apart(options: argparse.Namespace) -> None:
-    """Before hours of work: files that would be lost, or take each other's names."""
-    names = [path.name for path in options.strips]
-    for path in options.strips:
-        if names.count(path.name) > 1:
-            raise BadInput(f"{path}: given twice, or two files have this name; rename one of them")
-        target = options.out / path.name
-        if options.write_strips and target.exists() and target.samefile(path):
-            raise BadInput(
-                f"{path}: --write-strips would overwrite it; choose another folder than "
-                f"{options.out}"
-            )
 
 
 def _files(options: argparse.Namespace) -> dict[str, str]:
@@ -487,7 +474,23 @@ def _study(options: argparse.Namespace) -> int:
     return 0
 
 
+def _cache_options(commands) -> None:
+    words = "how much is kept of surveys and roofs so as not to be computed again"
+    command = _command(commands, _cache, words, "--clear", "._cache")
+    command.add_argument("--clear", action="store_true", help="remove it")
+
+
+def _cache(options: argparse.Namespace) -> int:
+    from paperrepro import _cache as kept
+
+    entries = kept.clear() if options.clear else kept.entries()
+    size = sum(entry.size for entry in entries) / 1e9
+    what = "removed" if options.clear else f"of at most {kept.limit() / 1e9:g} GB ({kept.LIMIT})"
+    _say(options)(f"{kept.cache_folder()}: {len(entries)} entries, {size:.2f} GB {what}")
+    return 0
+
+
 _COMMANDS = (
     _reproduce_options, _simulate_options, _calibrate_options, _apply_options, _sweep_options,
-    _study_options,
+    _study_options, _cache_options,
 )  # fmt: skip

@@ -161,12 +161,14 @@ class Navigation:
 @dataclass(frozen=True)
 class Mounting:
     """How the scanner sits in the body: ``R_nominal`` l to b, ``lever_arm`` (3,) m b-frame,
-    ``boresight`` (3,) rad omega, phi, kappa and ``range_offsets`` (rings,) m, or None for zeros."""
+    ``boresight`` (3,) rad omega, phi, kappa; ``range_offsets`` (rings,) m, and ``beam_offsets``
+    (rings, 2) rad to elevations and azimuths of the beams, or None for zeros."""
 
     R_nominal: np.ndarray = field(default_factory=R_NOMINAL.copy)
     lever_arm: np.ndarray = field(default_factory=lambda: np.zeros(3))
     boresight: np.ndarray = field(default_factory=lambda: np.zeros(3))
     range_offsets: np.ndarray | None = None
+    beam_offsets: np.ndarray | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "R_nominal", require_rotation(self.R_nominal, "mounting rotation"))
@@ -174,6 +176,8 @@ class Mounting:
         require_vector(self.boresight, "mounting boresight")
         if self.range_offsets is not None:
             require_finite(self.range_offsets, "mounting range offsets")
+        if self.beam_offsets is not None:
+            require_finite(self.beam_offsets, "mounting beam offsets")
 
     @property
     def R_l_b(self) -> np.ndarray:
@@ -195,6 +199,13 @@ class Mounting:
     def with_calibration(self, boresight, range_offsets=None) -> "Mounting":
         """The same mounting with another boresight and range offsets."""
         return replace(self, boresight=np.asarray(boresight, float), range_offsets=range_offsets)
+
+    def pointed(self, rays: "Rays") -> "Rays":
+        """The rays with the beams' offsets applied."""
+        if self.beam_offsets is None:
+            return rays
+        elevation, azimuth = self.beam_offsets[rays.ring].T
+        return replace(rays, elevation=rays.elevation + elevation, azimuth=rays.azimuth + azimuth)
 
 
 @dataclass(frozen=True, repr=False)

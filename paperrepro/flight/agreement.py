@@ -73,7 +73,7 @@ def _disagreement(survey: Survey, tie_planes: TiePlanes) -> float | None:
     """RMS m of the tie planes' points about their planes under the best boresight, the range noise
     averaged over `TOGETHER` points of a view; None if there is no boresight."""
     try:
-        result = scenarios.calibrate(survey, tie_planes, "SL")
+        result = scenarios.calibrate(survey, tie_planes, "SL without offsets")
     except (PaperReproError, np.linalg.LinAlgError):
         return None
     first = [np.arange(a, b, TOGETHER) for a, b in tie_planes.ranges]

@@ -153,7 +153,7 @@ def calibrate_flight(
             f"{len(set(tie_planes.strips))} strips do not show it, {ENOUGH_STRIPS} would."
         )
     remarks += [*_constants(result), *implausible(result)]
-    checks = model_checks(result, survey, tie_planes, found.boresights[-1])
+    checks = model_checks(result, survey, found.boresights[-1])
     progress(f"distances of {len(pairs)} pairs of strips")
     distances = pair_distances(points.rays, pairs, survey.mounting, result.calibrated)
     rejected = (*found.rejected, *result.rejected)

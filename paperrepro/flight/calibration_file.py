@@ -18,11 +18,18 @@ from paperrepro.method.accuracy import PairDistances, rmse
 from paperrepro.method.adjustment.model_checks import Check
 from paperrepro.method.adjustment.observability import Observability
 from paperrepro.method.adjustment.quality import Reliability
+from paperrepro.method.adjustment.trajectory_equations import Beams
 from paperrepro.survey import Mounting, Scanner
 
 NAME = "calibration.json"
-#: No boresight (deg), range offset, lever arm (m) or sigma (deg) of a calibration is larger.
-LARGEST = {"boresight_deg": 15.0, "range_offsets_m": 1.0, "lever_arm_m": 10.0, "sigma_deg": 5.0}
+#: Nothing of a calibration is larger.
+LARGEST = {
+    "beams_deg": 5.0,
+    "boresight_deg": 15.0,
+    "range_offsets_m": 1.0,
+    "lever_arm_m": 10.0,
+    "sigma_deg": 5.0,
+}
 #: An adjusted lever arm is this near to the nominal one, m.
 LEVER_ARM_MOVES = 1.0
 #: Nominal rotations and lever arms, and beams (deg), that are the same.
@@ -71,9 +78,17 @@ def document(own: OwnFlight) -> dict:
         "strip_pairs": [_pair(pair) for pair in own.distances],
         "rejected": [_rejected(face) for face in own.rejected],
         "clock": None if result.clock is None else vars(result.clock).copy(),
+        "beams": None if result.beams is None else _beams(result.beams),
         "checks": [_check(check) for check in own.checks],
         "remarks": list(own.remarks),
     }
+
+
+def _beams(beams: Beams) -> dict:
+    names = ("elevation_deg", "azimuth_deg")
+    values = dict(zip(names, np.degrees(beams.errors).T.tolist(), strict=True))
+    sigma = zip(names, np.degrees(beams.sigma).T.tolist(), strict=True)
+    return values | {f"sigma_{name}": column for name, column in sigma}
 
 
 def _by_angle(values_rad: np.ndarray) -> dict[str, float]:
@@ -168,7 +183,9 @@ def read_calibration(path: Path, nominal: Mounting, scanner: Scanner | None = No
     offsets = content.get("range_offsets_m")
     if offsets is not None:
         offsets = _numbers(content, "range_offsets_m", scanner and scanner.n_rings, path)
+    beams = _read_beams(content, scanner and scanner.n_rings, path)
     mounting = nominal.with_calibration(np.radians(boresight), offsets)
+    mounting = replace(mounting, beam_offsets=beams)
     if content.get("lever_arm_m") is not None:
         lever_arm = _numbers(content, "lever_arm_m", 3, path)
         moved = float(np.linalg.norm(lever_arm - nominal.lever_arm))
@@ -215,6 +232,18 @@ def _require_version(version, path: Path) -> None:
             f"{path}: expected a file of paperrepro up to {__version__}, got {short(version)}; "
             "calibrate with this version, or apply with the newer one"
         )
+
+
+def _read_beams(content: dict, n_rings: int | None, path: Path) -> np.ndarray | None:
+    """(rings, 2) rad, where the file names them."""
+    named = content.get("beams")
+    if named is None:
+        return None
+    columns = [_optional(content, "beams", f"{name}_deg") for name in ("elevation", "azimuth")]
+    columns = [_numbers({"beams_deg": column}, "beams_deg", n_rings, path) for column in columns]
+    if len(columns[0]) != len(columns[1]):
+        raise BadInput(f"{path}: beams: expected as many elevations as azimuths; {REMEDY}")
+    return np.radians(np.column_stack(columns))
 
 
 def _by_name(content: dict, key: str, path: Path) -> np.ndarray:

@@ -7,7 +7,7 @@ trajectory does not cover) stay where they are.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import laspy
@@ -78,7 +78,7 @@ def apply_calibration(
     """
     given = read_mounting(mounting)
     early = read_calibration(calibration, given.mounting)
-    _require_other_names([Path(path) for path in strips], Path(out))
+    require_names_apart([Path(path) for path in strips], Path(out))
     flight = read_flight(strips, trajectory, mounting, crs=crs, ring_dimension=ring_dimension)
     survey = flight.survey
     calibrated = read_calibration(calibration, survey.mounting, survey.scanner)
@@ -102,12 +102,13 @@ def require_writable(flight: Flight, out: str | Path) -> None:
     for file in flight.files:
         if file.hindrance:
             raise BadInput(f"{file.path}: {file.hindrance}")
-    _require_other_names([file.path for file in flight.files], Path(out))
+    require_names_apart([file.path for file in flight.files], Path(out))
 
 
-def _require_other_names(paths: Sequence[Path], out: Path) -> None:
+def require_names_apart(paths: Sequence[Path], out: Path | None) -> None:
+    """Raise `BadInput` for files of one name, and for such as would be overwritten in ``out``."""
     for path in paths:
-        if (out / path.name).exists() and path.exists() and path.samefile(out / path.name):
+        if out and (out / path.name).exists() and path.exists() and path.samefile(out / path.name):
             raise BadInput(f"{path}: would be overwritten; choose another folder than {out}")
         if [other.name for other in paths].count(path.name) > 1:
             raise BadInput(f"{path}: given twice, or two files have this name; rename one of them")
@@ -181,9 +182,17 @@ def moved_points(
     flight (heights as in the file)."""
     decoder = flight.decoder
     rays = decoder.decode(file, file.decoded(chunk))
-    n_rings = flight.survey.scanner.n_rings
-    offsets = np.zeros(ray_test.UNKNOWN_RING + 1)
-    offsets[:n_rings] = mounting.offsets(n_rings)[:n_rings]
     seen = Rays(rays.pose, rays.ring, rays.azimuth, rays.elevation, rays.rho)
-    p_m = georeference(seen, mounting.with_calibration(mounting.boresight, offsets))
+    p_m = georeference(seen, _for_all_rings(mounting, flight.survey.scanner.n_rings))
     return rays.timed & ray_test.is_return(rays.rho), p_m - decoder.shift
+
+
+def _for_all_rings(mounting: Mounting, n_rings: int) -> Mounting:
+    """With offsets of zero for rings that are no beam."""
+    more = ray_test.UNKNOWN_RING + 1 - n_rings
+    ranges, beams = mounting.offsets(n_rings)[:n_rings], mounting.beam_offsets
+    return replace(
+        mounting,
+        range_offsets=np.pad(ranges, (0, more)),
+        beam_offsets=None if beams is None else np.pad(beams, ((0, more), (0, 0))),
+    )

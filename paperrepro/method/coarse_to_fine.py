@@ -39,6 +39,8 @@ TieViews = list[tuple[FaceKey, np.ndarray]]
 #: Called with a sentence for each step.
 Progress = Callable[[str], None]
 
+#: The estimator between two passes: [11] without range offsets, which move no face far.
+FOR_SEARCH = "SL without offsets"
 #: Most points of a strip that are looked at for planes of any kind, of a face that are adjusted,
 #: and planes.
 MOST_POINTS, MOST_OF_FACE, MOST_PLANES = 400_000, 400, 200
@@ -368,7 +370,7 @@ def _boresight(survey: Survey, found: PlaneSurvey) -> np.ndarray:
     """(3,) rad by SL, or that on which the faces agree where coarse planes let it not converge."""
     survey = replace(survey, mounting=found.mounting)
     try:
-        return scenarios.calibrate(survey, found.tie_planes, "SL", found.agreed).boresight
+        return scenarios.calibrate(survey, found.tie_planes, FOR_SEARCH, found.agreed).boresight
     except NoConvergence:
         return found.agreed
 

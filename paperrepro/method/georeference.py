@@ -42,7 +42,7 @@ def georeference(rays: Rays, mounting: Mounting) -> np.ndarray:
     ----------
     Eq. (1) and (2) of the paper.
     """
-    p_m = np.empty((len(rays), 3))
+    p_m, rays = np.empty((len(rays), 3)), mounting.pointed(rays)
     n_rings = int(rays.ring.max()) + 1 if len(rays) else 0
     over_threads(
         _georeference,

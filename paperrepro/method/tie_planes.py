@@ -98,7 +98,7 @@ class TiePlanes:
 
     def _states(self, mounting: Mounting, ranges: np.ndarray) -> FaceStates:
         unknowns = Unknowns.layout(mounting, int(self.rays.ring.max()) + 1, "none")
-        return face_states(self.rays, ranges, unknowns, unknowns.start())
+        return face_states(mounting.pointed(self.rays), ranges, unknowns, unknowns.start())
 
     def subset(self, keep: np.ndarray) -> "TiePlanes":
         """Without the faces where ``keep`` (F,) is False, and the planes that one face is left of.

@@ -22,6 +22,26 @@ FAILED = "failed"
 BOUND = "bound"
 #: Endings of scenarios' names: after the refinement; with one wrong match, as it is and screened.
 REFINED, WRONG, SCREENED = " refined", " wrong", " screened"
+#: The paper's estimators, by how it calls them, with so few points a face that their sigmas are of
+#: the size that it prints: as its claims are judged. And with all points.
+FEW = {"SL": "SL 3", "A": "A", "B": "B 3", "C": "C 3"}
+MANY = {"SL": "SL", "A": "A all", "B": "B", "C": "C"}
+#: B on centroids alone; [11] as if the scanner had no range offsets.
+CENTROIDS, WITHOUT_OFFSETS = "B 0", "SL without offsets"
+#: Further numbers of points a face, where sigma is looked at as a function of it.
+BETWEEN = ("SL 30", "A 3", "A 30", "B 30", "C 30", "D 3", "D 30")
+#: Endings: after the refinement of each pair of strips for itself, and by four planes alone.
+PER_PAIR, BY_FOUR = " refined per pair", " refined by four planes"
+#: Of `FEW`: A with the pairs of strips that Table 1 lists; [11] with roofs of one direction, and
+#: with as many of any.
+LISTED_PAIRS, ONE_DIRECTION, AS_MANY = "A listed pairs", "SL 3 one direction", "SL 3 as many"
+#: Scenario of the paper's steps before the adjustment.
+SEGMENTATION = "segmentation"
+#: Table 1's pairs of strips.
+TABLE1_PAIRS = (
+    ("F1", "F2"), ("F2", "F3"), ("F3", "F4"), ("F2", "F4"),
+    ("F1", "F5"), ("F5", "F6"), ("F1", "F6"), ("F7", "F8"),
+)  # fmt: skip
 #: Scenario D with the lever arm as an unknown; and under the noise that it finds in the data.
 LEVER_ARM, FOUND = "D lever arm", "D noise found"
 #: Errors of a survey as the specifications say.

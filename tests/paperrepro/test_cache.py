@@ -11,7 +11,7 @@ import pytest
 
 import paperrepro
 from data_synth import make_config, simulate
-from paperrepro import _cache
+from paperrepro import _cache, cli
 from paperrepro._cache import cached, code_version, code_version_of
 from paperrepro.survey import Trajectory
 
@@ -101,6 +101,52 @@ def test_a_stage_that_fails_leaves_no_entry(own_folder):
         assert runs(own_folder) == expected
     assert not list((own_folder / "cache").rglob("*.joblib"))
     assert not list((own_folder / "cache").rglob("*.part"))
+
+
+# --- how large it grows ---------------------------------------------------------------------------
+
+
+def bytes_of(values):
+    return np.full(100_000, values, np.uint8)
+
+
+def test_beyond_the_limit_the_entry_that_was_read_longest_ago_goes(own_folder, monkeypatch):
+    monkeypatch.setenv(_cache.LIMIT, "0.00025")  # two of the three
+    for number in (1, 2):
+        cached(bytes_of, number)
+    first, second = (entry.path for entry in _cache.entries())
+    os.utime(second, (1, 1))
+    cached(bytes_of, 3)
+    kept = [entry.path for entry in _cache.entries()]
+    assert kept[0] == first
+    assert len(kept) == 2
+    assert not second.with_suffix(".sum").exists()
+
+
+def test_an_entry_that_is_larger_than_the_limit_is_not_kept(own_folder, monkeypatch):
+    monkeypatch.setenv(_cache.LIMIT, "0.00005")
+    np.testing.assert_array_equal(cached(bytes_of, 1), bytes_of(1))
+    assert _cache.entries() == []
+
+
+@pytest.mark.parametrize("given", ["", "much"])
+def test_a_limit_that_is_no_number_is_the_usual_one(monkeypatch, given):
+    monkeypatch.setenv(_cache.LIMIT, given)
+    assert _cache.limit() == 5e9
+
+
+def test_the_command_says_how_much_is_kept_and_removes_it_and_nothing_else(own_folder, capsys):
+    cached(bytes_of, 1)
+    others = own_folder / "cache" / "bytes_of" / "mine.joblib"
+    others.write_text("of somebody else")
+    folder = own_folder / "cache"
+    assert cli.main(["cache"]) == 0
+    assert capsys.readouterr().out.startswith(f"{folder}: 1 entries, 0.00 GB of at most 5 GB")
+    assert cli.main(["cache", "--clear"]) == 0
+    assert capsys.readouterr().out == f"{folder}: 1 entries, 0.00 GB removed\n"
+    assert list((folder / "bytes_of").iterdir()) == [others]
+    assert cli.main(["cache"]) == 0
+    assert ": 0 entries" in capsys.readouterr().out
 
 
 def test_code_version_follows_imports(tmp_path, monkeypatch):

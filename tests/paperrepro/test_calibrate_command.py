@@ -113,7 +113,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(folder, tmp_path, capfd, strip
 def test_strips_are_not_overwritten(folder, capfd):
     before = (folder / "F1.laz").read_bytes()
     assert calibrate(folder, folder, "--write-strips") == 2
-    assert "would overwrite" in capfd.readouterr().err
+    assert "would be overwritten" in capfd.readouterr().err
     assert (folder / "F1.laz").read_bytes() == before
 
 

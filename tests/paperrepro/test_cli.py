@@ -15,7 +15,7 @@ from paperrepro.errors import NoConvergence
 from paperrepro.flight.calibrate import PLANES
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES
 
-COMMANDS = ("reproduce", "simulate", "calibrate", "apply", "sweep", "study")
+COMMANDS = ("reproduce", "simulate", "calibrate", "apply", "sweep", "study", "cache")
 
 
 def ran(code, *arguments, **options):

@@ -38,7 +38,8 @@ class NormalEquations:
 class Solution:
     """What the iterations end with.
 
-    ``x`` (u,), ``planes`` (G, 4) with d from the group's origin, ``Q`` (u, u) cofactors of ``x``,
+    ``x`` (u,), and ``first``, what it was after the first of the ``iterations``; ``planes`` (G, 4)
+    with d from the group's origin, ``Q`` (u, u) cofactors of ``x``,
     ``Q_planes`` (G, 4, 4) cofactors of free planes, else None, ``S_data`` (u, u) the information of
     the conditions alone, ``chi2`` and ``dof`` of all conditions and pseudo-observations.
     """
@@ -51,6 +52,7 @@ class Solution:
     chi2: float
     dof: int
     iterations: int
+    first: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ def solve_free(
 
     Raises `NoConvergence`, `RankDefect`.
     """
-    iterations = Iterations()
+    iterations, first = Iterations(), x
     while not iterations.converged:
         condition = blocks(x, planes, iterations.final_m)
         inverse = _bordered_inverse(condition, planes)
@@ -85,14 +87,14 @@ def solve_free(
         dx = _correction(data, pseudo, x)
         d_planes = _back_substitute(condition, inverse, planes, dx)
         x, planes = x + dx, planes + d_planes
+        first = first if iterations.made else x
         iterations.take(dx, d_planes)
         if iterations.too_many:
             raise _no_convergence(data, pseudo, dx)
     Q = np.linalg.inv(data.S + pseudo.normals(x).S)
     Q_planes = _plane_cofactors(condition, inverse, Q)
-    return _solution(
-        x, planes, Q, Q_planes, data.S, condition, pseudo, iterations.made, 3 * len(planes)
-    )
+    taken = iterations.made, first
+    return _solution(x, planes, Q, Q_planes, data.S, condition, pseudo, *taken, 3 * len(planes))
 
 
 def solve_reference(
@@ -106,22 +108,23 @@ def solve_reference(
     ``plane_states(x)`` gives planes (G, 4) and their derivatives (G, 4, u).
     Raises `NoConvergence`, `RankDefect`.
     """
-    iterations = Iterations()
+    iterations, first = Iterations(), x
     while not iterations.converged:
         planes, J = plane_states(x)
         condition = blocks(x, planes, iterations.final_m)
         data = _fold(condition, J)
         dx = _correction(data, pseudo, x)
         x = x + dx
+        first = first if iterations.made else x
         iterations.take(dx)
         if iterations.too_many:
             raise _no_convergence(data, pseudo, dx)
     Q = np.linalg.inv(data.S + pseudo.normals(x).S)
-    return _solution(x, planes, Q, None, data.S, condition, pseudo, iterations.made, 0)
+    return _solution(x, planes, Q, None, data.S, condition, pseudo, iterations.made, first, 0)
 
 
 def _solution(
-    x, planes, Q, Q_planes, S_data, condition, pseudo, iterations, n_plane_unknowns
+    x, planes, Q, Q_planes, S_data, condition, pseudo, iterations, first, n_plane_unknowns
 ) -> Solution:
     chi2 = float(condition.chi2.sum()) + pseudo.chi2(x)
     dof = int(condition.count.sum()) + np.count_nonzero(pseudo.weight) - len(x) - n_plane_unknowns
@@ -130,7 +133,7 @@ def _solution(
             f"expected more conditions than unknowns, got {condition.count.sum()} conditions and "
             f"{dof} degrees of freedom; match more faces"
         )
-    return Solution(x, planes, Q, Q_planes, S_data, chi2, dof, iterations)
+    return Solution(x, planes, Q, Q_planes, S_data, chi2, dof, iterations, first)
 
 
 def _bordered_inverse(condition: PlaneNormals, planes: np.ndarray) -> np.ndarray:

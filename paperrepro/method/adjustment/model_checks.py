@@ -5,14 +5,12 @@ in silence. Each check compares one number with what it is under the model, and 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from paperrepro.method.adjustment.observability import AXIS_WORDS
 from paperrepro.method.adjustment.result import CalibrationResult
-from paperrepro.method.georeference import georeference
-from paperrepro.method.tie_planes import TiePlanes
 from paperrepro.survey import Survey
 
 #: Residuals, in units of what the scanner's specification says, between which it may be believed.
@@ -25,8 +23,12 @@ PROCESS = (0.5, 2.0)
 FAST = 0.3
 #: Factors on the specified sigma below which a boresight's sigma rests on the estimate of them.
 BELOW = 0.5
-#: RMS of the beams' elevation errors in their own sigma, of which 16 beams without one exceed this
-#: in one of twenty flights. Range offsets in their prior sigma.
+#: Seconds between which the trajectory's error may step, and the largest change in this time in
+#: units of their RMS: of Gauss-Markov processes it was 3 to 5.5, of steps 8 to 18.
+STEP_TIME, STEPS = 0.5, 6.5
+#: A component counts where the data leave less than this share of its sigma; so many moments do.
+SEEN, LEAST_MOMENTS = 0.6, 50
+#: RMS of the beams' errors in the scanner's angle_sigma; range offsets in their prior sigma.
 BEAMS, OFFSETS = 1.3, 5.0
 #: Difference between D and SL in D's sigma: SL's own errors are about twice as large.
 SCENARIOS = 5.0
@@ -52,9 +54,9 @@ class Check:
 
 
 def model_checks(
-    result: CalibrationResult, survey: Survey, tie_planes: TiePlanes, sl: np.ndarray | None = None
+    result: CalibrationResult, survey: Survey, sl: np.ndarray | None = None
 ) -> tuple[Check, ...]:
-    """All checks of scenario D's ``result`` that apply; ``tie_planes`` are those it used.
+    """All checks of scenario D's ``result`` that apply.
 
     Parameters
     ----------
@@ -68,8 +70,9 @@ def model_checks(
         _residuals(result),
         *_clock(result),
         *_process(result),
+        *_steps(result),
         *_components(result),
-        *_beams(result, survey, tie_planes),
+        *_beams(result, survey),
         *_offsets(result, survey),
         *_against_sl(result, sl),
     )
@@ -108,6 +111,28 @@ def _process(result: CalibrationResult) -> Iterator[Check]:
         )  # fmt: skip
 
 
+def _steps(result: CalibrationResult) -> Iterator[Check]:
+    """The largest change of the trajectory's error within half a second, among its like."""
+    found = result.trajectory
+    later = np.searchsorted(found.time, found.time + STEP_TIME - 1e-6)
+    later[later == len(found.time)] = 0
+    pairs = np.flatnonzero(np.abs(found.time[later] - found.time - STEP_TIME) < 1e-3)
+    change = np.abs(found.correction[later[pairs]] - found.correction[pairs])
+    seen = found.sigma[pairs] < SEEN * found.prior_sigma
+    values = [
+        moments.max() / np.sqrt(np.square(moments).mean())
+        for moments in (column[where] for column, where in zip(change.T, seen.T, strict=True))
+        if len(moments) > LEAST_MOMENTS and moments.max() > 0
+    ]
+    if values:
+        value = float(max(values))
+        yield Check(
+            "steps", value, 0.0, STEPS,
+            f"The trajectory's error changes within half a second by {value:.1f} times the RMS of "
+            "such changes: it steps. Look for lost satellites or other fixes in its processing.",
+        )  # fmt: skip
+
+
 def _components(result: CalibrationResult) -> Iterator[Check]:
     found = result.components or {}
     for name in (key[:-5] for key in found if key.endswith("_fast")):
@@ -124,56 +149,13 @@ def _components(result: CalibrationResult) -> Iterator[Check]:
         )  # fmt: skip
 
 
-def _beams(result: CalibrationResult, survey: Survey, tie_planes: TiePlanes) -> Iterator[Check]:
-    """Elevation errors of all beams from the residuals, each view's offset and tilts and each
-    beam's range offset being free: a test of face and beam means together."""
-    rays, step, n_rings = result.trajectory.apply(tie_planes.rays), 1e-5, survey.scanner.n_rings
-    p = georeference(rays, result.calibrated)
-    higher = georeference(replace(rays, elevation=rays.elevation + step), result.calibrated)
-    longer = georeference(replace(rays, rho=rays.rho + step), result.calibrated)
-    N, t = np.zeros((2 * n_rings, 2 * n_rings)), np.zeros(2 * n_rings)
-    squares, count = 0.0, -len(t)
-    for (first, last), plane in zip(
-        tie_planes.ranges, result.planes[tie_planes.plane], strict=True
-    ):
-        rows, n = np.arange(first, last), plane[:3]
-        if len(rows) < LEAST_POINTS:
-            continue
-        about = p[rows] - p[rows].mean(axis=0)
-        columns = np.zeros((len(rows), 2 * n_rings + 1))
-        at, ring = np.arange(len(rows)), rays.ring[rows]
-        columns[at, ring] = (higher[rows] - p[rows]) @ n / step
-        columns[at, n_rings + ring] = (longer[rows] - p[rows]) @ n / step
-        columns[:, -1] = p[rows] @ n - plane[3]
-        Q, _ = np.linalg.qr(np.column_stack([np.ones(len(rows)), about @ _in_plane(n)]))
-        columns -= Q @ (Q.T @ columns)
-        N += columns[:, :-1].T @ columns[:, :-1]
-        t += columns[:, :-1].T @ columns[:, -1]
-        squares += float(columns[:, -1] @ columns[:, -1])
-        count += len(rows) - 3
-    if count <= 0:
-        return
-    free, Q_all = N[n_rings:, n_rings:], np.linalg.pinv(N, rcond=1e-9, hermitian=True)
-    information = (
-        N[:n_rings, :n_rings]
-        - N[:n_rings, n_rings:]
-        @ np.linalg.pinv(free, rcond=1e-9, hermitian=True)
-        @ N[n_rings:, :n_rings]
-    )
-    error, variance = (Q_all @ t)[:n_rings], squares / count
-    rank = max(np.linalg.matrix_rank(information, rtol=1e-9), 1)
-    value = float(np.sqrt(max(error @ information @ error, 0.0) / variance / rank))
-    seen = np.sqrt(np.trace(information) / rank)
+def _beams(result: CalibrationResult, survey: Survey) -> Iterator[Check]:
+    rms = 0.0 if result.beams is None else result.beams.rms
     yield Check(
-        "beams", value, 0.0, BEAMS,
-        f"The beams' elevations look wrong by {np.degrees(value * np.sqrt(variance) / seen):.3f}° "
-        f"RMS, {value:.1f} times their noise: give the scanner's own beam table.",
+        "beams", float(np.degrees(rms)), 0.0, float(np.degrees(BEAMS * survey.scanner.angle_sigma)),
+        f"Elevations and azimuths of the beams are off by {np.degrees(rms):.3f}° RMS: the "
+        "boresight is adjusted for it; give the scanner's own beam table.",
     )  # fmt: skip
-
-
-def _in_plane(normal: np.ndarray) -> np.ndarray:
-    """(3, 2): two directions square to ``normal``."""
-    return np.linalg.svd(normal[None])[2][1:].T
 
 
 def _offsets(result: CalibrationResult, survey: Survey) -> Iterator[Check]:

@@ -8,7 +8,7 @@ from paperrepro.errors import BadInput
 from paperrepro.frames import ANGLES, AXIS_WORDS
 from paperrepro.method.adjustment.observability import Observability
 from paperrepro.method.adjustment.quality import Reliability
-from paperrepro.method.adjustment.trajectory_equations import Clock, LeverArm
+from paperrepro.method.adjustment.trajectory_equations import Beams, Clock, LeverArm
 from paperrepro.method.georeference import georeference
 from paperrepro.method.tie_planes import Rejection, TiePlanes
 from paperrepro.survey import Mounting, Rays
@@ -41,9 +41,11 @@ class CalibrationResult:
     ``covariance`` (u, u) a posteriori, of the boresight (rad) and then the offsets (m);
     ``planes`` (G, 4) as (n, d) in the m-frame with ``covariance_planes`` (G, 4, 4); ``sigma0`` and
     ``dof``; RMS of each plane's points about their common plane before and after, (G,) m;
-    ``rejected`` faces, left out as wrong matches. Of scenario D alone: the ``trajectory``'s errors,
+    ``rejected`` faces, left out as wrong matches; ``first_step`` (3,) rad, the boresight after the
+    first iteration, but for D. Of scenario D alone: the ``trajectory``'s errors,
     the factors on the specified sigma where variance ``components`` were estimated, the
-    ``lever_arm`` and the ``clock`` where they were, and the ``reliability`` of each view.
+    ``lever_arm``, the ``clock`` and the ``beams`` where they were, and the ``reliability`` of each
+    view.
     """
 
     scenario: str
@@ -65,17 +67,22 @@ class CalibrationResult:
     rejected: tuple[Rejection, ...] = ()
     trajectory: TrajectoryErrors | None = None
     components: dict[str, float] | None = None
+    first_step: np.ndarray | None = None
     lever_arm: LeverArm | None = None
     clock: Clock | None = None
+    beams: Beams | None = None
     reliability: Reliability | None = None
 
     @property
     def calibrated(self) -> Mounting:
         """The mounting with all that was estimated of it."""
+        found = {}
+        if self.lever_arm is not None:
+            found["lever_arm"] = self.lever_arm.value
+        if self.beams is not None:
+            found["beam_offsets"] = self.beams.errors
         mounting = self.mounting.with_calibration(self.boresight, self.range_offsets)
-        if self.lever_arm is None:
-            return mounting
-        return replace(mounting, lever_arm=self.lever_arm.value)
+        return replace(mounting, **found)
 
     @property
     def n_planes(self) -> int:

@@ -3,14 +3,15 @@
 =====  ==========================  ======================  =========================
 name   unknowns                    planes                  conditions
 =====  ==========================  ======================  =========================
-SL     boresight, planes           free, unit normals      points, Eq. (4)
+SL     boresight, offsets, planes  free, unit normals      points, Eq. (4)
 A      boresight                   of the reference strip  centroids, Eq. (5)
 B      boresight, range offsets    of the reference strip  points and centroids
 C      boresight, offsets, planes  free, unit normals      points and centroids
 =====  ==========================  ======================  =========================
 
-SL is Skaloud and Lichti 2006, the paper's [11]. Range offsets have no datum, a common one is nearly
-a height shift: each is observed as zero with the scanner's stated accuracy.
+SL is Skaloud and Lichti 2006, the paper's [11]. Range offsets, one a ring, have no datum, a common
+one is nearly a height shift: each is observed as zero with the scanner's stated accuracy. How many
+points of a face enter Eq. (4) the paper does not say, so every estimator has variants (`by_name`).
 
 The refinement, Eq. (6)-(9), takes the boresight alone: each point of a face in one strip is
 projected at right angles on its matched plane in another; the boresight that makes the projections
@@ -20,11 +21,12 @@ moves with the boresight like the points do.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 
 from paperrepro._compiled import one_blas_thread
-from paperrepro.errors import BadInput, TooFewPlanes
+from paperrepro.errors import BadInput, NoConvergence, RankDefect, TooFewPlanes
 from paperrepro.method.adjustment.conditions import (
     FINAL,
     FaceStates,
@@ -75,7 +77,7 @@ class Scenario:
 SCENARIOS = {
     s.name: s
     for s in (
-        Scenario("SL", "none", free_planes=True, points=None, centroids=False),
+        Scenario("SL", "per_ring", free_planes=True, points=None, centroids=False),
         Scenario("A", "none", free_planes=False, points=0, centroids=True),
         Scenario("B", "per_ring", free_planes=False, points=None, centroids=True),
         Scenario("C", "per_ring", free_planes=True, points=None, centroids=True),
@@ -249,6 +251,7 @@ def _result(model: _Model, solution: Solution) -> CalibrationResult:
         sigma0=sigma0,
         dof=solution.dof,
         iterations=solution.iterations,
+        first_step=solution.first[:3],
         n_points=len(tie_planes.rays),
         n_conditions=n_points + conditions,
         rms_before=model.before.rms,
@@ -314,3 +317,18 @@ def refine(survey: Survey, tie_planes: TiePlanes, calibrated: Mounting) -> Calib
     # Eq. (6), (7): each point is projected on its target plane; Eq. (9): boresight alone
     onto_target = replace(tie_planes, pairs=tie_planes.pairs[:, ::-1])
     return calibrate(replace(survey, mounting=calibrated), onto_target, POINT_TO_PLANE)
+
+
+def refine_pairs(
+    survey: Survey, tie_planes: TiePlanes, calibrated: Mounting
+) -> dict[tuple[str, str], CalibrationResult]:
+    """`refine` from each pair of strips alone, as section 2.2.5 can be read, too; pairs that share
+    fewer than four planes, or planes that leave an angle open, are left out."""
+    results = {}
+    for pair in combinations(dict.fromkeys(sorted(tie_planes.strips)), 2):
+        seen = np.isin(tie_planes.strips, pair)
+        try:
+            results[pair] = refine(survey, tie_planes.subset(seen), calibrated)
+        except (TooFewPlanes, RankDefect, NoConvergence):
+            continue
+    return results

@@ -197,6 +197,25 @@ def _with_uncertainty(likelihood: "Likelihood", logs, step, free) -> Estimate:
     return Estimate(components, here, (axes * np.maximum(values, 0.0)) @ axes.T)
 
 
+def sigma_of_group(value: np.ndarray, Q: np.ndarray, prior: float) -> tuple[float, float]:
+    """Standard deviation of unknowns that were estimated, ``value`` (m,) with covariance ``Q``
+    (m, m), with each observed as zero to ``prior``: the most likely one, and by how much it raises
+    twice the logarithm of the restricted likelihood against none."""
+    inverse = np.linalg.inv(Q)
+    data, axes = np.linalg.eigh(inverse - np.eye(len(value)) / prior**2)  # what the data say alone
+    data, seen = np.maximum(data, 0.0), np.square(axes.T @ (inverse @ value))
+
+    def against_none(log_sigma):
+        gain = 1 + np.exp(2 * log_sigma) * data
+        return float((np.log(gain) - seen * np.exp(2 * log_sigma) / gain).sum())
+
+    middle = np.log(prior)
+    found = minimize_scalar(
+        against_none, bounds=(middle - WIDEST_LOG, middle + WIDEST_LOG), method="bounded"
+    )
+    return float(np.exp(found.x)), -float(found.fun)
+
+
 def _with_roughness(likelihood: "Likelihood", logs: np.ndarray) -> np.ndarray:
     """``logs`` with the ratio of roughness that is most likely, the others held."""
 

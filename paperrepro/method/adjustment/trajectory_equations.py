@@ -22,7 +22,7 @@ import numba
 import numpy as np
 from scipy.linalg import cholesky_banded
 
-from paperrepro._compiled import over_threads
+from paperrepro._compiled import over_threads, turned
 from paperrepro.method.adjustment.conditions import FINAL, PreparedRays, Unknowns, axes
 from paperrepro.method.adjustment.kernels import adjust_observations, moved, ray
 from paperrepro.method.georeference import body_to_map
@@ -79,10 +79,13 @@ class Nodes:
 
 N_ANGLES, N_PLANE = 3, 3
 N_NODES = 12  # two nodes of six components
+#: Of the nine observations, those that a beam may have an error of its own in: range, elevation,
+#: azimuth.
+OF_BEAM = (6, 8, 7)
 #: A moment, s: a turn of most scanners, so that a cell holds one scan line of each beam. What the
 #: points of a moment share of a face's roughness is independent of how far the nodes are apart.
 MOMENT = 0.1
-#: A row of A without offset, lever arm, clock. Loops of a length that is known are twice as fast.
+#: A row of A without beams, lever arm, clock. Loops of a length that is known are twice as fast.
 N_ROW = N_ANGLES + N_PLANE + N_NODES
 
 
@@ -156,8 +159,8 @@ def cell_blocks(
     over_threads(
         _cell_blocks, n_cells, *cells.sight.columns(), cells.share, cells.rate, cells.ranges,
         cells.node, origin[cells.face], planes[cells.face], turns[cells.face], error,
-        R_l_b, axes(R_l_b, dR_l_b), *mounted, variances, final_m,
-        3 * unknowns.lever, unknowns.clock_delay(x), N, t, chi2, least=8,
+        R_l_b, axes(R_l_b, dR_l_b), *mounted[:-1], unknowns.beam_columns, unknowns.beam_errors(x),
+        variances, final_m, 3 * unknowns.lever, unknowns.clock_delay(x), N, t, chi2, least=8,
     )  # fmt: skip
     return CellBlocks(N, t, chi2)
 
@@ -165,15 +168,16 @@ def cell_blocks(
 @numba.njit(cache=True, nogil=True)
 def _cell_blocks(
     first, last, position, turns, rho, ring, share, rate, ranges, node, origin, planes, plane_turns,
-    error, R_l_b, turn_axes, lever, offsets, ring_column, variances, final_m, n_lever, delay, N, t,
-    chi2,
+    error, R_l_b, turn_axes, lever, offsets, beam_columns, beams, variances, final_m, n_lever,
+    delay, N, t, chi2,
 ):  # fmt: skip
     """Fill ``N``, ``t`` and ``chi2`` of cells ``first`` to ``last``."""
     timed = len(rate) > 0
     size = N_ROW + n_lever + timed
     v, b, seen, e, row = np.empty(9), np.empty(9), np.empty(8), np.empty(6), np.empty(size)
-    sums, of_ring = np.empty((size, size + 1)), np.empty((len(ring_column), size + 2))
-    per_ring, n_x = ring_column.max() >= 0, t.shape[1] - N_PLANE - N_NODES
+    n_rings, n_of_ring = beam_columns.shape
+    sums, of_ring = np.empty((size, size + 1)), np.empty((n_rings, n_of_ring, size + n_of_ring + 1))
+    per_ring, n_x = beam_columns.max() >= 0, t.shape[1] - N_PLANE - N_NODES
     where = np.arange(size)  # plane and nodes follow the unknowns, the last: lever arm, clock
     for k in range(N_ANGLES, size):
         where[k] += n_x - (N_ANGLES if k < N_ROW else size)
@@ -188,6 +192,8 @@ def _cell_blocks(
                     e[m] += delay * rate[i, m]
             there, then = ray(position, turns, i)
             there, then = moved(there, then, e)
+            if len(beams) > 0:
+                then = _with_beam(then, beams[ring[i]])
             w, s = adjust_observations(
                 there, then, rho[i], plane, near, R_l_b, turn_axes, lever, offsets[ring[i]],
                 variances, final_m, v, b, seen,
@@ -201,14 +207,22 @@ def _cell_blocks(
                     row[size - 1] += b[m] * rate[i, m]
             _add_products(row, w, 1.0 / s, sums)
             if per_ring:
-                _add_offset(row, seen[3], w, 1.0 / s, of_ring, ring[i])
+                _add_beam(row, b, w, 1.0 / s, of_ring[ring[i]])
             chi2[c] += w * w / s
-        _add_sums(sums, of_ring, where, ring_column, N[c], t[c])
+        _add_sums(sums, of_ring, where, beam_columns, N[c], t[c])
+
+
+@numba.njit(cache=True)
+def _with_beam(turns, by):
+    """Turns of a ray whose elevation and azimuth are off ``by`` (2,) rad."""
+    sa, ca = turned(turns[6], turns[7], by[1])
+    sb, cb = turned(turns[8], turns[9], by[0])
+    return turns[0], turns[1], turns[2], turns[3], turns[4], turns[5], sa, ca, sb, cb
 
 
 @numba.njit(cache=True)
 def _fill_row(seen, b, share, plane_turns, row):
-    """A row of A without the ring's offset: three angles, two turns of the plane and d, six of each
+    """A row of A without the beam's errors: three angles, two turns of the plane and d, six of each
     node; those of the lever arm come last."""
     for k in range(3):
         row[k] = seen[k]
@@ -247,32 +261,39 @@ def _add_products(row, w, weight, sums):
 
 
 @numba.njit(cache=True)
-def _add_offset(row, by_offset, w, weight, of_ring, ring):
-    """Add a condition's products with its derivative by the offset of its ``ring`` to ``of_ring``
-    (rings, r + 2): with ``row``, with itself and, last, with w."""
-    scaled = weight * by_offset
-    for k in range(len(row)):
-        of_ring[ring, k] += scaled * row[k]
-    of_ring[ring, len(row)] += scaled * by_offset
-    of_ring[ring, len(row) + 1] += scaled * w
+def _add_beam(row, b, w, weight, sums):
+    """Add a condition's products with its derivatives by the n errors of its beam to the beam's
+    ``sums`` (n, r + n + 1): with ``row``, with each other and, last, with w."""
+    size, n = len(row), len(sums)
+    for j in range(n):
+        scaled = weight * b[OF_BEAM[j]]
+        for k in range(size):
+            sums[j, k] += scaled * row[k]
+        for k in range(n):
+            sums[j, size + k] += scaled * b[OF_BEAM[k]]
+        sums[j, size + n] += scaled * w
 
 
 @numba.njit(cache=True)
-def _add_sums(sums, of_ring, where, ring_column, N, t):
+def _add_sums(sums, of_ring, where, beam_columns, N, t):
     """Add the sums to N (upper triangle) and t: ``where`` (r,) an entry of a row is there, and
-    ``ring_column`` (rings,) the offset of a ring, -1 where it is held."""
-    size = len(sums)
+    ``beam_columns`` (rings, n) the errors of a beam, -1 where they are held."""
+    size, n = len(sums), beam_columns.shape[1]
     for k in range(size):
         for m in range(k, size):
             N[min(where[k], where[m]), max(where[k], where[m])] += sums[k, m]
         t[where[k]] += sums[k, size]
-    for r in range(len(ring_column)):
-        column = ring_column[r]
-        if column >= 0:
+    for r in range(len(beam_columns)):
+        for j in range(n):
+            column = beam_columns[r, j]
+            if column < 0:
+                continue
             for k in range(size):
-                N[min(column, where[k]), max(column, where[k])] += of_ring[r, k]
-            N[column, column] += of_ring[r, size]
-            t[column] += of_ring[r, size + 1]
+                N[min(column, where[k]), max(column, where[k])] += of_ring[r, j, k]
+            for k in range(n):
+                if beam_columns[r, k] >= column:
+                    N[column, beam_columns[r, k]] += of_ring[r, j, size + k]
+            t[column] += of_ring[r, j, size + n]
 
 
 @dataclass(frozen=True)
@@ -358,15 +379,38 @@ AXES = ("forward", "right", "down")
 
 @dataclass(frozen=True)
 class TrajectoryUnknowns(Unknowns):
-    """`Unknowns` with more at the end of ``x``: corrections of the ``lever`` arm, m, b-frame, and
-    the delay of the laser's ``clock``, s, where they are unknown."""
+    """`Unknowns` with more at the end of ``x``, where they are unknown: errors of all beams'
+    elevations, then azimuths, rad, of standard deviation ``beam_sigma``; corrections of the
+    ``lever`` arm, m, b-frame; the delay of the laser's ``clock``, s."""
 
     lever: bool = False
     clock: bool = False
+    beam_sigma: float = 0.0
 
     @property
     def size(self) -> int:
-        return self.kept + 3 * self.lever + self.clock
+        return self.kept + self._n_beams + 3 * self.lever + self.clock
+
+    @property
+    def _n_beams(self) -> int:
+        return 2 * self.n_rings if self.beam_sigma else 0
+
+    @property
+    def beams_at(self) -> slice:
+        """Where the beams' errors are in ``x``."""
+        return slice(self.kept, self.kept + self._n_beams)
+
+    def beam_errors(self, x: np.ndarray) -> np.ndarray:
+        """(rings, 2) rad, of elevation and azimuth, or (0, 2) where they are held."""
+        return np.ascontiguousarray(x[self.beams_at].reshape(2, -1).T)
+
+    @property
+    def beam_columns(self) -> np.ndarray:
+        """(rings, n) where in ``x`` what `OF_BEAM` names is, -1 where it is held."""
+        if not self.beam_sigma:
+            return self.ring_column[:, None]
+        elevation = self.kept + np.arange(self.n_rings)
+        return np.column_stack([self.ring_column, elevation, elevation + self.n_rings])
 
     @property
     def kept(self) -> int:
@@ -376,7 +420,8 @@ class TrajectoryUnknowns(Unknowns):
     @property
     def lever_at(self) -> slice:
         """Where the lever arm is in ``x``."""
-        return slice(self.kept, self.kept + 3 * self.lever)
+        first = self.kept + self._n_beams
+        return slice(first, first + 3 * self.lever)
 
     def clock_delay(self, x: np.ndarray) -> float:
         """s, by which the poses must be taken later."""
@@ -387,6 +432,7 @@ class TrajectoryUnknowns(Unknowns):
         weight = np.zeros(self.size)
         weight[3 : self.kept] = range_offset_sigma**-2.0
         weight[self.lever_at] = PRIOR_SIGMA**-2.0
+        weight[self.beams_at] = self.beam_sigma**-2.0 if self.beam_sigma else 0.0
         if self.clock:
             weight[-1] = CLOCK_SIGMA**-2.0
         return weight
@@ -396,6 +442,20 @@ class TrajectoryUnknowns(Unknowns):
         if self.lever:
             lever = lever + x[self.lever_at]
         return R, dR, lever, offsets, ring_column
+
+
+@dataclass(frozen=True)
+class Beams:
+    """``errors`` (rings, 2) rad of the beams' elevations in the table and of their azimuths as
+    recorded, to be added to them, and their ``sigma`` (rings, 2)."""
+
+    errors: np.ndarray
+    sigma: np.ndarray
+
+    @property
+    def rms(self) -> float:
+        """rad, of all."""
+        return float(np.sqrt(np.square(self.errors).mean()))
 
 
 @dataclass(frozen=True)

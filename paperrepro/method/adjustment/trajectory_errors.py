@@ -20,8 +20,14 @@ from paperrepro.method.adjustment.trajectory_components import (
     OF_LASER,
     VarianceComponents,
     estimate,
+    sigma_of_group,
 )
-from paperrepro.method.adjustment.trajectory_equations import Clock, GaussMarkov, LeverArm
+from paperrepro.method.adjustment.trajectory_equations import (
+    Beams,
+    Clock,
+    GaussMarkov,
+    LeverArm,
+)
 from paperrepro.method.adjustment.trajectory_solver import (
     Noise,
     Solution,
@@ -42,7 +48,10 @@ NODE_SPACING = 0.1
 #: Points a face, and seconds between nodes, that show what a flight determines.
 WITNESSES, WITNESS_SPACING = 200, 0.5
 #: A delay of the clock is beyond doubt from so many of its sigma on; how often it is looked for.
-CLOCK_SIGMAS, CLOCK_ROUNDS = 4.0, 6
+CLOCK_SIGMAS, CLOCK_ROUNDS, LEAST_SHARE = 4.0, 6, 0.1
+#: Errors of the beams, rad, before the data; and by how much they must raise twice the logarithm of
+#: the likelihood to be unknowns: by chance one flight of a thousand does.
+BEAM_SIGMA, BEAM_EVIDENCE = np.radians(0.05), 10.0
 #: Planes and points a face from which noise is estimated.
 NOISE_PLANES, NOISE_POINTS = 30, 150
 
@@ -61,11 +70,13 @@ def specified_noise(navigation: Navigation) -> Noise:
 @dataclass(frozen=True)
 class FoundNoise:
     """What the data say of the noise: variance ``components``, and ``open`` (3, 3) rad², what the
-    boresight gets of their uncertainty; ``delay`` s of the laser's clock under which they are."""
+    boresight gets of their uncertainty; ``delay`` s of the laser's clock and ``beam_sigma`` rad,
+    spread of the beams' errors, under which they are."""
 
     components: VarianceComponents
     open: np.ndarray
     delay: float = 0.0
+    beam_sigma: float = 0.0
 
 
 def _clock_can_be_off(survey: Survey) -> bool:
@@ -76,31 +87,38 @@ def _clock_can_be_off(survey: Survey) -> bool:
 def _find_delay(survey: Survey, tie_planes: TiePlanes, near: np.ndarray, spacing: float) -> float:
     """Delay of the laser's clock, s, where it is beyond doubt, before any component could take it
     for an error of the trajectory. Noise of the reported poses makes each estimate too small by a
-    share, so poses are taken at the later time and the rest is looked for, until there is none."""
-    delay, components = 0.0, VarianceComponents()
+    share: poses are taken at the later time and the rest is looked for, until there is none; how
+    much of a known delay the estimate followed says the share."""
+    delay, components, before, share = 0.0, VarianceComponents(), None, 1.0
     for _ in range(CLOCK_ROUNDS):
-        moved = _delayed(survey, tie_planes, delay)
-        model = TrajectoryModel.prepare(survey, moved, "per_ring", spacing, clock=True)
+        model = TrajectoryModel.prepare(
+            *_delayed(survey, tie_planes, delay), "per_ring", spacing, clock=True
+        )
         noise = components.noise(specified_process(survey.navigation), np.zeros(6))
         state = model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
         solution = iterate(model, noise, state, 0.01)
         at = len(state.x) - 1
         rest, sigma = solution.state.x[at], np.sqrt(solution.step.Q[at, at])
-        if abs(rest) < (CLOCK_SIGMAS if delay == 0 else 1) * sigma:
+        if before is not None:
+            share = float(np.clip((before[1] - rest) / (delay - before[0]), LEAST_SHARE, 1.0))
+        if abs(rest) < (CLOCK_SIGMAS if delay == 0 else 1) * sigma * share:
             break
-        delay += rest
+        before = delay, rest
+        delay += rest / share
     return float(delay)
 
 
-def _delayed(survey: Survey, tie_planes: TiePlanes, delay: float) -> TiePlanes:
-    """With the poses of ``delay`` s later."""
+def _delayed(survey: Survey, tie_planes: TiePlanes, delay: float) -> tuple[Survey, TiePlanes]:
+    """With the poses, and their rates, of ``delay`` s later. Noise of a pose is in its neighbours'
+    rates: taken of another moment, these would find a delay in it."""
     if delay == 0:
-        return tie_planes
-    rays, times = tie_planes.rays, survey.trajectory.time
-    pose = survey.trajectory.at(np.clip(rays.time + delay, times[0], times[-1]))
+        return survey, tie_planes
+    rays, times = tie_planes.rays, survey.trajectory.time - delay
+    survey = replace(survey, trajectory=replace(survey.trajectory, time=times))
+    pose = survey.trajectory.at(np.clip(rays.time, times[0], times[-1]))
     turns = np.round((rays.pose[:, 5] - pose[:, 5]) / (2 * np.pi))
     pose[:, 5] += 2 * np.pi * turns
-    return replace(tie_planes, rays=replace(rays, pose=pose))
+    return survey, replace(tie_planes, rays=replace(rays, pose=pose))
 
 
 def few_planes(tie_planes: TiePlanes, mounting: Mounting) -> TiePlanes:
@@ -117,16 +135,44 @@ def find_noise(
     spacing: float = WITNESS_SPACING,
 ) -> FoundNoise:  # fmt: skip
     """Variance components from ``tie_planes``, at a boresight ``near`` (3,) rad; where not
-    ``all_components``, those of laser and surfaces alone, and the others keep their priors."""
+    ``all_components``, those of laser and surfaces alone, and the others keep their priors: two
+    opposite strips tell neither errors of the trajectory nor of beams from a boresight."""
     clock, delay = _clock_can_be_off(survey), 0.0
     if clock:
         delay = _find_delay(survey, tie_planes, near, spacing)
-        tie_planes = _delayed(survey, tie_planes, delay)
-    model = TrajectoryModel.prepare(survey, tie_planes, "per_ring", spacing, clock=clock)
-    state = model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
-    free = None if all_components else OF_LASER
-    found = estimate(model, specified_process(survey.navigation), state, free)
-    return FoundNoise(found.components, found.open, delay)
+        survey, tie_planes = _delayed(survey, tie_planes, delay)
+
+    def model_and_start(beam_sigma):
+        model = TrajectoryModel.prepare(
+            survey, tie_planes, "per_ring", spacing, clock=clock, beam_sigma=beam_sigma
+        )
+        return model, model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
+
+    specified, free = specified_process(survey.navigation), None if all_components else OF_LASER
+    model, state = model_and_start(0.0)
+    found = estimate(model, specified, state, free)
+    beam_sigma = 0.0
+    if all_components:
+        beam_sigma = _find_beam_sigma(*model_and_start(BEAM_SIGMA), found.components, specified)
+    if beam_sigma > 0:
+        model, state = model_and_start(beam_sigma)
+        found = estimate(model, specified, state, free)
+    return FoundNoise(found.components, found.open, delay, beam_sigma)
+
+
+def _find_beam_sigma(
+    model: TrajectoryModel, state: State, components: VarianceComponents, specified: GaussMarkov
+) -> float:
+    """Spread of the beams' errors, rad, where the data ask for any, else zero; ``model`` has them
+    as unknowns. What errors of the beams there are is in ``components``, too: that is on the safe
+    side."""
+    noise = components.noise(specified, np.zeros(6))
+    solution = iterate(components.apply(model), noise, state, 0.01)
+    beams = model.unknowns.beams_at
+    sigma, evidence = sigma_of_group(
+        solution.state.x[beams], solution.step.Q[beams, beams], model.unknowns.beam_sigma
+    )
+    return sigma if evidence > BEAM_EVIDENCE else 0.0
 
 
 @one_blas_thread
@@ -150,12 +196,15 @@ def calibrate_with_trajectory(
     """
     clock = found is not None and _clock_can_be_off(survey)
     if clock:
-        tie_planes = _delayed(survey, tie_planes, found.delay)
-    model = TrajectoryModel.prepare(survey, tie_planes, range_offsets, spacing, lever_arm, clock)
+        survey, tie_planes = _delayed(survey, tie_planes, found.delay)
+    model = TrajectoryModel.prepare(
+        survey, tie_planes, range_offsets, spacing, lever_arm, clock,
+        0.0 if found is None else found.beam_sigma,
+    )  # fmt: skip
     noise = specified_noise(survey.navigation)
     start = model.unknowns.start()
     if near is None:
-        near = calibrate(survey, tie_planes, "SL").boresight
+        near = calibrate(survey, tie_planes, "SL without offsets").boresight
     if found is not None:
         model = found.components.apply(model)
         specified = specified_process(survey.navigation)
@@ -197,7 +246,10 @@ def _result(
     planes, Q_planes = _planes_in_map(model, state, Q)
     chi2 = solution.data.chi2 + prior_chi2(model, noise, state)
     dof = len(tie_planes.rays) + np.count_nonzero(model.pseudo_weight) - len(Q) + 6
-    after = face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, state.x)
+    beams = _beams(unknowns, state.x, Q)
+    mounting = replace(unknowns.mounting, beam_offsets=beams.errors if beams else None)
+    rays = mounting.pointed(tie_planes.rays)
+    after = face_states(rays, tie_planes.plane_ranges, unknowns, state.x)
     variance, _, of_surface = step.covariance(model)
     return CalibrationResult(
         scenario="D",
@@ -226,8 +278,18 @@ def _result(
             Clock(found.delay + unknowns.clock_delay(state.x), float(np.sqrt(np.diag(Q)[u - 1])))
             if unknowns.clock else None
         ),
+        beams=beams,
         reliability=reliability(model, noise, solution, of_surface),
     )  # fmt: skip
+
+
+def _beams(unknowns, x: np.ndarray, Q: np.ndarray) -> Beams | None:
+    at = unknowns.beams_at
+    if at.start == at.stop:
+        return None
+    variance = np.zeros(unknowns.size)
+    variance[at] = np.diag(Q)[at]
+    return Beams(unknowns.beam_errors(x), np.sqrt(unknowns.beam_errors(variance)))
 
 
 def _observability(S: np.ndarray, kept: int, pseudo: np.ndarray) -> Observability:

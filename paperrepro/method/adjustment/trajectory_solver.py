@@ -111,13 +111,14 @@ class TrajectoryModel:
         spacing: float,
         lever_arm: bool = False,
         clock: bool = False,
+        beam_sigma: float = 0.0,
     ) -> "TrajectoryModel":
         if tie_planes.rays.time is None:
             raise BadInput(
                 "scenario D: expected rays with their times, got none; build them from strips"
             )
         unknowns = TrajectoryUnknowns.layout(survey.mounting, survey.scanner.n_rings, range_offsets)
-        unknowns = replace(unknowns, lever=lever_arm, clock=clock)
+        unknowns = replace(unknowns, lever=lever_arm, clock=clock, beam_sigma=beam_sigma)
         start = unknowns.start()
         states = face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, start)
         require_spread(states.plane[:, :3])

@@ -51,6 +51,9 @@ def write(given, **content):
         ({"nominal": {"lever_arm_m": [0.1, -0.02, 0.16]}}, "nominal lever_arm_m"),
         ({"scanner": {"beam_elevations_deg": list(range(16))}}, "other beams"),
         ({"scanner": {"beam_elevations_deg": "all"}}, "other beams"),
+        ({"beams": "all"}, "beams_deg: expected"),
+        ({"beams": {"elevation_deg": [0.01] * 16}}, "beams_deg: expected"),
+        ({"beams": {"elevation_deg": [9.0] * 16, "azimuth_deg": [0.0] * 16}}, "up to 5"),
     ],
 )
 def test_numbers_that_no_calibration_of_these_strips_has(given, capsys, content, fact):

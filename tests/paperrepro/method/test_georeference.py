@@ -1,5 +1,7 @@
 """Eq. (1) and (2) against an independent composition, their derivatives against differences."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -88,6 +90,18 @@ def test_a_range_offset_is_added_to_the_measured_range_of_its_ring():
     np.testing.assert_allclose(
         georeference(rays, MOUNTING), georeference(longer, without), rtol=0, atol=1e-12
     )
+
+
+def test_beam_offsets_turn_the_rays_of_their_ring():
+    rays = random_rays()
+    by = 1e-3 * np.random.default_rng(3).standard_normal((16, 2))
+    turned = replace(
+        rays,
+        elevation=rays.elevation + by[rays.ring, 0],
+        azimuth=rays.azimuth + by[rays.ring, 1],
+    )
+    p_m = georeference(rays, replace(MOUNTING, beam_offsets=by))
+    np.testing.assert_allclose(p_m, georeference(turned, MOUNTING), atol=1e-12)
 
 
 def test_an_empty_set_of_rays_gives_no_points():

@@ -5,6 +5,7 @@ import pytest
 
 from paperrepro.paper import published
 from paperrepro.paper.published import TABLE1, TABLE4, Published
+from paperrepro.study.rows import TABLE1_PAIRS
 
 PRINTED_TABLE4 = """
 omega  0.0187 0.0049  0.0285 0.0082 -0.0012 0.0061
@@ -45,6 +46,7 @@ def test_table_4_as_printed():
 def test_table_1_as_printed():
     rows = (line.split() for line in PRINTED_TABLE1.split("\n")[1:-1])
     assert {tuple(pair.split("-")): (int(overlap), d) for pair, overlap, d in rows} == TABLE1
+    assert set(TABLE1) == set(TABLE1_PAIRS)
 
 
 def test_every_value_states_unit_place_and_how_it_may_be_compared():

@@ -28,7 +28,7 @@ UNPULLED = replace(SCANNER, range_sigma=1e-4, range_offset_sigma=1e3)
 
 
 def offsets_of(scenario):
-    """A and SL cannot estimate offsets, so the scanner must have none."""
+    """A cannot estimate offsets, so the scanner must have none."""
     return OFFSETS if SCENARIOS[scenario].range_offsets == "per_ring" else None
 
 
@@ -63,7 +63,7 @@ def test_a_common_offset_is_found_where_every_ring_has_the_same():
     assert result.covariance.shape == (4, 4)
 
 
-@pytest.mark.parametrize("scenario", ["SL", "A"])
+@pytest.mark.parametrize("scenario", ["SL without offsets", "A"])
 def test_known_offsets_are_kept_where_none_are_estimated(scenario):
     tie_planes, truth, _ = matched_faces(offsets=OFFSETS, count=40)
     start = truth.with_calibration(np.zeros(3), OFFSETS)
@@ -152,7 +152,7 @@ def test_sigma_grows_with_the_noise_when_the_specification_knows(scenario):
     assert results[1].sigma0 == pytest.approx(results[0].sigma0, rel=0.01)
 
 
-@pytest.mark.parametrize("scenario", ["SL", "A"])
+@pytest.mark.parametrize("scenario", ["SL without offsets", "A"])
 def test_the_variance_factor_grows_when_the_specification_does_not_know(scenario):
     """Where no pseudo-observation takes part; 2 % as above."""
     base, _, _ = matched_faces(count=40)

@@ -1,6 +1,6 @@
 """Scenario D: the textbook solution, exactness without noise, sigma that hold with it."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ from paperrepro.method.adjustment.trajectory_solver import (
 )
 from paperrepro.method.adjustment.trajectory_windows import windows
 from paperrepro.method.georeference import georeference
-from paperrepro.survey import Mounting
+from paperrepro.survey import Mounting, Rays
 from tests.paperrepro.labelled import (
     HEADINGS_DEG,
     LEVER_ARM,
@@ -248,25 +248,28 @@ def test_a_late_clock_is_found():
     rate = np.random.default_rng(5).normal(0, [4, 4, 1, 0.3, 0.3, 0.1], (len(tie_planes.rays), 6))
     rays = replace(tie_planes.rays, pose=tie_planes.rays.pose - 0.005 * rate)
     late = replace(tie_planes, rays=rays)
-    survey = replace(survey_of(), trajectory=Rated(rays, rate))
+    span = np.array([rays.time.min() - 1, rays.time.max() + 1])
+    survey = replace(survey_of(), trajectory=Rated(rays, rate, span))
     found = find_noise(survey, late, truth.boresight)
     clock = calibrate_with_trajectory(survey, late, found=found, near=truth.boresight).clock
     assert clock.delay == pytest.approx(0.005, abs=4 * clock.sigma)
     assert clock.sigma < 0.0005
 
 
+@dataclass(frozen=True)
 class Rated:
     """A trajectory whose rates are given, point by point."""
 
-    def __init__(self, rays, rate):
-        self.rays, self.values = rays, rate
-        self.time = np.array([rays.time.min() - 1, rays.time.max() + 1])
+    rays: Rays
+    values: np.ndarray
+    time: np.ndarray
 
     def rate(self, time):
         return self.values
 
     def at(self, time):
-        return self.rays.pose + (time - self.rays.time)[:, None] * self.values
+        late = self.rays.time.min() - 1 - self.time[0]
+        return self.rays.pose + (time + late - self.rays.time)[:, None] * self.values
 
 
 def test_without_noise_as_exact_as_the_others():
