@@ -70,7 +70,7 @@ def reliability(
     p, state, strips = noise.surface_weight, solution.state, model.tie_planes.strips
     own = np.zeros(len(strips))
     for window, data in zip(model.windows, solution.data.windows, strict=True):
-        offsets = len(data.t) - 3 * len(window.faces) + 3 * np.arange(len(window.faces))
+        offsets = len(data.t) - 3 * len(window.faces) + 3 * np.arange(len(window.faces)) + 2
         own[window.faces] = data.N[offsets, offsets]
     own *= p / (own + p)
     information = np.maximum(p * (1 - p * of_surface[:, 0]), 1e-12 * own)
@@ -127,4 +127,4 @@ def cramer_rao_bound(
     x[3:] = truth.offsets(scanner.n_rings)
     state = model.start(x)
     flat = Noise((noise.process,), np.zeros(6), 0.0)
-    return eliminate(model.normals(state, flat), model, flat, state).Q[:3, :3]
+    return eliminate(model.normals(state, flat), model, flat, state).columns(3)[:3]

@@ -10,12 +10,18 @@ leaves open is carried into the boresight's covariance by the curvature of the l
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.optimize import minimize, minimize_scalar
+from scipy.linalg import solveh_banded
+from scipy.optimize import minimize_scalar
 
-from paperrepro.method.adjustment.trajectory_equations import CellBlocks, GaussMarkov
+from paperrepro.method.adjustment.trajectory_equations import (
+    N_COMPONENTS,
+    CellBlocks,
+    GaussMarkov,
+)
 from paperrepro.method.adjustment.trajectory_solver import (
     DataNormals,
     Noise,
+    Solution,
     State,
     Step,
     TrajectoryModel,
@@ -35,8 +41,10 @@ FAST_TIME, FAST_SHARE = 1.0, 0.2
 SURFACE, SURFACE_LOG_SIGMA = 0.003, np.log(10.0)
 #: No factor leaves a hundredth to a hundred times the specification.
 WIDEST_LOG = np.log(100.0)
-#: Where roughness stands; and change of -2 log likelihood at which a round ends.
-ROUGHNESS, FTOL = 14, 0.02
+#: Where roughness stands; and change of -2 log likelihood at which a search ends.
+ROUGHNESS, FTOL = 14, 0.01
+#: Steps of a search, and how long one may be.
+MOST_STEPS, LONGEST = 20, 1.5
 #: A logarithm known to a tenth leaves nothing open.
 MANY = 100.0
 #: Rounds of estimating components and adjusting under them, and change at which they end.
@@ -124,6 +132,7 @@ def _spread(of_group: np.ndarray) -> np.ndarray:
 
 
 _MIDDLE = VarianceComponents().logs
+_LEAST, _MOST = _MIDDLE - WIDEST_LOG, _MIDDLE + WIDEST_LOG
 _PRIOR_SIGMA = np.r_[10.0, SURFACE_LOG_SIGMA, np.full(12, PRIOR_LOG_SIGMA), SURFACE_LOG_SIGMA]
 #: Components of laser and surfaces: any two strips show them.
 OF_LASER = np.isin(np.arange(len(_MIDDLE)), (0, 1))
@@ -131,48 +140,66 @@ OF_LASER = np.isin(np.arange(len(_MIDDLE)), (0, 1))
 
 @dataclass(frozen=True)
 class Estimate:
-    """``components``, ``state`` adjusted under them, and ``open`` (3, 3) rad², what the boresight
-    gets of their uncertainty."""
+    """``components``, and ``open`` (3, 3) rad², what the boresight gets of their uncertainty, at
+    the linearisation point ``state``."""
 
     components: VarianceComponents
-    state: State
     open: np.ndarray
+    state: State
 
 
 def estimate(
-    model: TrajectoryModel, specified: GaussMarkov, state: State, free: np.ndarray | None = None
+    model: TrajectoryModel,
+    specified: GaussMarkov,
+    solution: Solution,
+    free: np.ndarray | None = None,
 ) -> Estimate:
     """Components, those of ``free`` (15,) bool, by default all, and roughness; the others keep
-    their prior. ``state`` has two processes. Raises as `trajectory_solver.iterate` does."""
+    their prior, under which the ``solution`` is. Raises as `trajectory_solver.iterate` does."""
     logs = VarianceComponents().logs
     free = np.arange(len(logs)) != ROUGHNESS if free is None else free
-    # every condition speaks of the range, few of the rest: in these steps all matter alike
-    step = np.ones(len(logs))
-    step[0] = 1 / np.sqrt(2 * len(model.tie_planes.rays))
-    for _ in range(ROUNDS):
+    for k in range(ROUNDS):
         components, before = VarianceComponents(logs), logs
-        solution = iterate(
-            components.apply(model), components.noise(specified, np.zeros(6)), state, 0.01
+        if k > 0:
+            noise = components.noise(specified, np.zeros(6))
+            solution = iterate(components.apply(model), noise, solution.state, 0.01)
+        likelihood = Likelihood(
+            model, specified, solution.state, solution.blocks, components.range**2
         )
-        state = solution.state
-        likelihood = Likelihood(model, specified, state, solution.blocks, components.range**2)
         logs = _with_roughness(likelihood, logs)
         likelihood = likelihood.at(logs[ROUGHNESS])
-        low, high = (np.where(free, _MIDDLE + w, logs) / step for w in (-WIDEST_LOG, WIDEST_LOG))
-        found = minimize(
-            lambda z, f=likelihood: _scaled(f(step * z), step), logs / step, jac=True,
-            method="L-BFGS-B", bounds=np.column_stack([low, high]),
-            options={"gtol": 0.2, "ftol": FTOL / max(abs(likelihood(logs)[0]), 1.0), "maxiter": 40},
-        )  # fmt: skip
-        logs = step * found.x
+        logs = _most_likely(likelihood, logs, free)
         if np.abs(logs - before).max() < FINAL:
             break
-    return _with_uncertainty(likelihood, logs, step, free)
+    return _with_uncertainty(likelihood, logs, free)
 
 
-def _with_uncertainty(likelihood: "Likelihood", logs, step, free) -> Estimate:
+def _most_likely(likelihood: "Likelihood", logs: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """``logs`` with those of ``free`` (15,) at the least `Likelihood`: steps by average information
+    until one promises less than `FTOL`."""
+    value, gradient, information = likelihood.information(logs)
+    for _ in range(MOST_STEPS):
+        step = np.zeros(len(logs))
+        step[free] = -np.linalg.solve(information[np.ix_(free, free)], gradient[free])
+        promised = -gradient @ step / 2
+        step *= min(1.0, LONGEST / np.abs(step).max())
+        moved = np.where(free, np.clip(logs + step, _LEAST, _MOST), logs)
+        if promised < FTOL:
+            return moved
+        there = likelihood.information(moved)
+        while there[0] > value and np.abs(moved - logs).max() > FINAL:
+            moved = (logs + moved) / 2
+            there = likelihood.information(moved)
+        logs, (value, gradient, information) = moved, there
+    return logs
+
+
+def _with_uncertainty(likelihood: "Likelihood", logs, free) -> Estimate:
     """Second-order expansion of the boresight and its covariance in the components' logarithms: one
     standard deviation to both sides along each axis of their posterior."""
+    # every condition speaks of the range, few of the rest: in these steps all matter alike
+    step = np.ones(len(logs))
+    step[0] = 1 / np.sqrt(2 * len(likelihood.model.tie_planes.rays))
     gradient, h = likelihood(logs)[1], 0.05
     H = np.empty((len(logs), len(logs)))
     for k in range(len(logs)):
@@ -186,15 +213,15 @@ def _with_uncertainty(likelihood: "Likelihood", logs, step, free) -> Estimate:
     covariance = (axes / values) @ axes.T * np.outer(step, step)
     components = VarianceComponents(logs, covariance)
     constant = components.constant(likelihood.specified)
-    here, x, Q = likelihood.boresight(logs, constant)
+    x, Q = likelihood.boresight(logs, constant)
     extra = np.zeros((3, 3))
     for value, axis in zip(values[values < MANY], axes.T[values < MANY], strict=True):
         for side in (1.0, -1.0):
             moved = logs + side * step * axis / np.sqrt(value)
-            _, x_side, Q_side = likelihood.boresight(moved, constant)
+            x_side, Q_side = likelihood.boresight(moved, constant)
             extra += (Q_side - Q + np.outer(x_side - x, x_side - x)) / 2
     values, axes = np.linalg.eigh(extra)
-    return Estimate(components, here, (axes * np.maximum(values, 0.0)) @ axes.T)
+    return Estimate(components, (axes * np.maximum(values, 0.0)) @ axes.T, likelihood.state)
 
 
 def sigma_of_group(value: np.ndarray, Q: np.ndarray, prior: float) -> tuple[float, float]:
@@ -217,23 +244,27 @@ def sigma_of_group(value: np.ndarray, Q: np.ndarray, prior: float) -> tuple[floa
 
 
 def _with_roughness(likelihood: "Likelihood", logs: np.ndarray) -> np.ndarray:
-    """``logs`` with the ratio of roughness that is most likely, the others held."""
+    """``logs`` with the ratio of roughness that is most likely, the others held: parabolas through
+    the best three, until one promises less than `FTOL`."""
+    at = np.arange(len(logs)) == ROUGHNESS
 
     def value(ratio):
-        moved = np.where(np.arange(len(logs)) == ROUGHNESS, ratio, logs)
-        return likelihood.at(ratio)(moved, gradient=False)[0]
+        return likelihood.at(ratio)(np.where(at, ratio, logs), gradient=False)[0]
 
-    middle = _MIDDLE[ROUGHNESS]
-    found = minimize_scalar(
-        value, bounds=(middle - WIDEST_LOG, middle + WIDEST_LOG), method="bounded",
-        options={"xatol": 0.1, "maxiter": 12},
-    )  # fmt: skip
-    return np.where(np.arange(len(logs)) == ROUGHNESS, found.x, logs)
-
-
-def _scaled(value_and_gradient, step):
-    value, gradient = value_and_gradient
-    return value, gradient * step
+    tried = {ratio: value(ratio) for ratio in logs[ROUGHNESS] + np.array([-0.2, 0.0, 0.2])}
+    for _ in range(10):
+        best = min(tried, key=tried.get)
+        three = sorted(sorted(tried, key=lambda ratio: abs(ratio - best))[:3])
+        bend, slope, _ = curve = np.polyfit(three, [tried[ratio] for ratio in three], 2)
+        downhill = best - np.sign(2 * bend * best + slope) * (three[-1] - three[0])
+        ratio = -slope / (2 * bend) if bend > 0 else downhill
+        ratio = np.clip(
+            np.clip(ratio, *sorted((best, downhill))), _LEAST[ROUGHNESS], _MOST[ROUGHNESS]
+        )
+        if bend > 0 and tried[best] - np.polyval(curve, ratio) < FTOL:
+            break
+        tried[ratio] = value(ratio)
+    return np.where(at, ratio, logs)
 
 
 @dataclass(frozen=True)
@@ -266,7 +297,7 @@ class Likelihood:
 
     def _value(self, logs: np.ndarray, step: Step, noise: Noise, quadratic: float) -> float:
         model, time = self.model, self.model.nodes.time
-        n_conditions, n_surface = len(model.tie_planes.rays), step.d_surface.size
+        n_conditions, n_surface = len(model.tie_planes.rays), self.state.surface.size
         log_det = step.log_det + n_surface * -np.log(noise.surface_weight)
         log_det -= sum(process.information(time)[2] for process in noise.processes)
         return quadratic - step.decrement + log_det + 2 * n_conditions * logs[0]
@@ -279,16 +310,62 @@ class Likelihood:
         quadratic = scaled.chi2 + prior_chi2(self.model, noise, self.state)
         return eliminate(scaled, self.model, noise, self.state), noise, quadratic
 
-    def boresight(
-        self, logs: np.ndarray, constant: np.ndarray
-    ) -> tuple[State, np.ndarray, np.ndarray]:
-        """State, boresight (3,) and its covariance (3, 3) under ``logs``, one step from here."""
+    def boresight(self, logs: np.ndarray, constant: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Boresight (3,) and its covariance (3, 3) under ``logs``, one step from here."""
         components = VarianceComponents(logs)
         noise = components.noise(self.specified, constant)
         data = self.data.scaled(components.range**-2)
         step = eliminate(data, self.model, noise, self.state)
-        state = self.model.moved(self.state, step)
-        return state, state.x[:3], step.Q[:3, :3]
+        return self.state.x[:3] + step.dy[:3], step.columns(3)[:3]
+
+    def information(self, logs: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """Value, gradient and, in place of second derivatives, average information (15, 15)
+        (Gilmour, Thompson and Cullis 1995): products, by the inverse of the data's covariance, of
+        how the data that are expected change with each component."""
+        step, noise, quadratic = self.step(logs)
+        wide = (logs - _MIDDLE) / _PRIOR_SIGMA
+        value = self._value(logs, step, noise, quadratic) + wide @ wide
+        gradient = self._gradient(logs, noise, step, quadratic) + 2 * wide / _PRIOR_SIGMA
+        information = self._information(noise, step, quadratic - step.decrement)
+        return value, gradient, information + 2 * np.diag(_PRIOR_SIGMA**-2.0)
+
+    def _information(self, noise: Noise, step: Step, squares: float) -> np.ndarray:
+        error, time = self.state.error + step.d_error, self.model.nodes.time
+        surface = self.state.surface + step.d_surface
+        u, n = len(self.state.x), len(_MIDDLE)
+        fixed = np.concatenate([self.state.x, self.state.constant])
+        fixed += np.r_[step.dy[:u], step.dy[-N_COMPONENTS:]]
+        weight = np.concatenate([self.model.pseudo_weight, noise.constant_weight])
+        # by component, what has a prior times its information changes; at the place of roughness
+        # what is held of x and constants
+        errors, surfaces = np.zeros((*error.shape, n)), np.zeros((*surface.shape, n))
+        of_fixed = np.zeros((len(fixed), n))
+        surfaces[..., 1] = 2 * noise.surface_weight * surface
+        of_fixed[:, ROUGHNESS] = 2 * weight * fixed
+        out = np.zeros((n, n))
+        out[1, 1] = 2 * (surfaces[..., 1] * surface).sum()
+        out[ROUGHNESS, ROUGHNESS] = 2 * of_fixed[:, ROUGHNESS] @ fixed
+        for k, process in enumerate(noise.processes):
+            by_sigma = 2 * _times(process.information(time), error[:, k])
+            by_time, beyond = _by_time(process, time, error[:, k])
+            for g, members in enumerate(map(list, GROUPS.values())):
+                s, own = (2, 10)[k] + g, error[:, k, members]
+                errors[:, k, members, s] = by_sigma[:, members]
+                out[s, s] = 2 * (by_sigma[:, members] * own).sum()
+                if k == 0:
+                    t = 6 + g
+                    errors[:, k, members, t] = by_time[:, members]
+                    out[s, t] = out[t, s] = 2 * (by_time[:, members] * own).sum()
+                    out[t, t] = (by_time * beyond)[:, members].sum()
+        with_data = np.einsum("kpcn,kpc->n", errors, error) + fixed @ of_fixed
+        with_data += np.einsum("fcn,fc->n", surfaces, surface)
+        out -= step.squares(errors, surfaces, of_fixed)[0]
+        # all variances together scale the data's covariance: what the laser's does is the rest
+        scales = np.r_[1:6, 10:n]
+        out[0] = out[:, 0] = 2 * with_data - out[scales].sum(axis=0)
+        out[0, 0] = 2 * (2 * squares - with_data[scales].sum()) - out[0, scales].sum()
+        out[ROUGHNESS] = out[:, ROUGHNESS] = 0.0
+        return out
 
     def _gradient(self, logs, noise: Noise, step: Step, quadratic: float) -> np.ndarray:
         variance, beside, surface = step.covariance(self.model)
@@ -320,6 +397,33 @@ class Likelihood:
         slopes[0] = 2 * len(self.model.tie_planes.rays)
         slopes[0] -= 2 * (quadratic - step.decrement + unknowns - expected)
         return slopes
+
+
+def _times(information, error: np.ndarray) -> np.ndarray:
+    """Information, as `GaussMarkov.information` has it, times ``error`` (K, 6)."""
+    diagonal, beside, *_ = information
+    out = diagonal * error
+    out[:-1] += beside * error[1:]
+    out[1:] += beside * error[:-1]
+    return out
+
+
+def _by_time(process: GaussMarkov, time, error) -> tuple[np.ndarray, np.ndarray]:
+    """Minus the derivative (K, 6) of information times ``error`` by the logarithm of the
+    correlation time, and covariance times that."""
+    h = 1e-4
+    longer, shorter = (
+        _times(GaussMarkov(process.sigma, process.correlation_time * f).information(time), error)
+        for f in (np.exp(h), np.exp(-h))
+    )
+    change = (shorter - longer) / (2 * h)
+    diagonal, beside, _ = process.information(time)
+    bands = np.stack([diagonal, np.concatenate([beside, np.zeros_like(diagonal[:1])])])
+    columns = [
+        solveh_banded(bands[..., c], change[:, c], lower=True, check_finite=False)
+        for c in range(N_COMPONENTS)
+    ]
+    return change, np.column_stack(columns)
 
 
 def _expected(process: GaussMarkov, time, variance, beside) -> tuple[np.ndarray, np.ndarray]:

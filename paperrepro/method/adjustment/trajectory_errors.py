@@ -18,6 +18,7 @@ from paperrepro.method.adjustment.result import CalibrationResult, TrajectoryErr
 from paperrepro.method.adjustment.scenarios import calibrate
 from paperrepro.method.adjustment.trajectory_components import (
     OF_LASER,
+    Estimate,
     VarianceComponents,
     estimate,
     sigma_of_group,
@@ -84,28 +85,52 @@ def _clock_can_be_off(survey: Survey) -> bool:
     return survey.trajectory is not None and all(strip.pose is None for strip in survey.strips)
 
 
-def _find_delay(survey: Survey, tie_planes: TiePlanes, near: np.ndarray, spacing: float) -> float:
+def _adjusted(
+    survey: Survey,
+    tie_planes: TiePlanes,
+    near: np.ndarray,
+    spacing: float,
+    clock: bool,
+    beam_sigma: float = 0.0,
+    found: Estimate | None = None,
+) -> tuple[TrajectoryModel, Solution]:
+    """The model whose noise is to be found, and its solution under the components ``found``, from
+    where they were, or else those before the data."""
+    model = TrajectoryModel.prepare(
+        survey, tie_planes, "per_ring", spacing, clock=clock, beam_sigma=beam_sigma
+    )
+    components = found.components if found else VarianceComponents()
+    noise = components.noise(specified_process(survey.navigation), np.zeros(6))
+    state = model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
+    if found:
+        kept = np.arange(model.unknowns.kept)
+        kept = np.r_[kept, -1] if clock else kept
+        state.x[kept] = found.state.x[kept]
+        state = replace(found.state, x=state.x)
+    return model, iterate(components.apply(model), noise, state, 0.01)
+
+
+def _find_delay(
+    survey: Survey, tie_planes: TiePlanes, near: np.ndarray, spacing: float
+) -> tuple[float, TrajectoryModel, Solution]:
     """Delay of the laser's clock, s, where it is beyond doubt, before any component could take it
-    for an error of the trajectory. Noise of the reported poses makes each estimate too small by a
-    share: poses are taken at the later time and the rest is looked for, until there is none; how
-    much of a known delay the estimate followed says the share."""
-    delay, components, before, share = 0.0, VarianceComponents(), None, 1.0
-    for _ in range(CLOCK_ROUNDS):
-        model = TrajectoryModel.prepare(
-            *_delayed(survey, tie_planes, delay), "per_ring", spacing, clock=True
-        )
-        noise = components.noise(specified_process(survey.navigation), np.zeros(6))
-        state = model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
-        solution = iterate(model, noise, state, 0.01)
-        at = len(state.x) - 1
+    for an error of the trajectory, and what `_adjusted` finds under it. Noise of the reported poses
+    makes each estimate too small by a share: poses are taken at the later time and the rest is
+    looked for, until there is none; how much of a known delay the estimate followed says the share.
+    """
+    delay, before, share = 0.0, None, 1.0
+    for k in range(CLOCK_ROUNDS + 1):
+        model, solution = _adjusted(*_delayed(survey, tie_planes, delay), near, spacing, True)
+        at = len(solution.state.x) - 1
         rest, sigma = solution.state.x[at], np.sqrt(solution.step.Q[at, at])
         if before is not None:
             share = float(np.clip((before[1] - rest) / (delay - before[0]), LEAST_SHARE, 1.0))
-        if abs(rest) < (CLOCK_SIGMAS if delay == 0 else 1) * sigma * share:
+        beyond_doubt = (CLOCK_SIGMAS if delay == 0 else 1) * sigma * share
+        if k == CLOCK_ROUNDS or abs(rest) < beyond_doubt:
             break
         before = delay, rest
         delay += rest / share
-    return float(delay)
+    return float(delay), model, solution
 
 
 def _delayed(survey: Survey, tie_planes: TiePlanes, delay: float) -> tuple[Survey, TiePlanes]:
@@ -137,37 +162,28 @@ def find_noise(
     """Variance components from ``tie_planes``, at a boresight ``near`` (3,) rad; where not
     ``all_components``, those of laser and surfaces alone, and the others keep their priors: two
     opposite strips tell neither errors of the trajectory nor of beams from a boresight."""
-    clock, delay = _clock_can_be_off(survey), 0.0
-    if clock:
-        delay = _find_delay(survey, tie_planes, near, spacing)
-        survey, tie_planes = _delayed(survey, tie_planes, delay)
-
-    def model_and_start(beam_sigma):
-        model = TrajectoryModel.prepare(
-            survey, tie_planes, "per_ring", spacing, clock=clock, beam_sigma=beam_sigma
-        )
-        return model, model.start(np.r_[near, np.zeros(model.unknowns.size - 3)], 2)
-
     specified, free = specified_process(survey.navigation), None if all_components else OF_LASER
-    model, state = model_and_start(0.0)
-    found = estimate(model, specified, state, free)
-    beam_sigma = 0.0
+    clock, delay, beam_sigma = _clock_can_be_off(survey), 0.0, 0.0
+    if clock:
+        delay, model, solution = _find_delay(survey, tie_planes, near, spacing)
+        survey, tie_planes = _delayed(survey, tie_planes, delay)
+    else:
+        model, solution = _adjusted(survey, tie_planes, near, spacing, False)
+    found = estimate(model, specified, solution, free)
     if all_components:
-        beam_sigma = _find_beam_sigma(*model_and_start(BEAM_SIGMA), found.components, specified)
+        beam_sigma = _find_beam_sigma(
+            *_adjusted(survey, tie_planes, near, spacing, clock, BEAM_SIGMA, found)
+        )
     if beam_sigma > 0:
-        model, state = model_and_start(beam_sigma)
-        found = estimate(model, specified, state, free)
+        model, solution = _adjusted(survey, tie_planes, near, spacing, clock, beam_sigma)
+        found = estimate(model, specified, solution, free)
     return FoundNoise(found.components, found.open, delay, beam_sigma)
 
 
-def _find_beam_sigma(
-    model: TrajectoryModel, state: State, components: VarianceComponents, specified: GaussMarkov
-) -> float:
+def _find_beam_sigma(model: TrajectoryModel, solution: Solution) -> float:
     """Spread of the beams' errors, rad, where the data ask for any, else zero; ``model`` has them
-    as unknowns. What errors of the beams there are is in ``components``, too: that is on the safe
+    as unknowns. What errors of the beams there are is in the components, too: that is on the safe
     side."""
-    noise = components.noise(specified, np.zeros(6))
-    solution = iterate(components.apply(model), noise, state, 0.01)
     beams = model.unknowns.beams_at
     sigma, evidence = sigma_of_group(
         solution.state.x[beams], solution.step.Q[beams, beams], model.unknowns.beam_sigma
@@ -223,7 +239,7 @@ def lasting_sigma(survey: Survey, tie_planes: TiePlanes, boresight: np.ndarray) 
     state = model.start(np.r_[boresight, np.zeros(model.unknowns.size - 3)])
     noise = specified_noise(survey.navigation)
     step = eliminate(model.normals(state, noise), model, noise, state)
-    return np.sqrt(np.diag(step.Q)[:3])
+    return np.sqrt(np.diag(step.columns(3)))
 
 
 def _result(

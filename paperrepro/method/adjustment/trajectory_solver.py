@@ -129,10 +129,11 @@ class TrajectoryModel:
         cells = Cells.of(tie_planes, nodes, rate)
         _, _, rows = np.linalg.svd(states.plane[:, None, :3])  # rows 1, 2 span what is square to n
         axes = rows[:, 1:].transpose(0, 2, 1)
+        to_plane = _to_plane(tie_planes, unknowns, start, states.centroid, axes)
         return cls(
-            tie_planes, unknowns, nodes, cells, windows(cells, nodes, tie_planes.plane),
-            states.centroid, axes, _to_plane(tie_planes, unknowns, start, states.centroid, axes),
-            variances, unknowns.pseudo_weight(survey.scanner.range_offset_sigma),
+            tie_planes, unknowns, nodes, cells, windows(cells, nodes, tie_planes.plane, to_plane),
+            states.centroid, axes, to_plane, variances,
+            unknowns.pseudo_weight(survey.scanner.range_offset_sigma),
         )  # fmt: skip
 
     def start(self, x: np.ndarray, n_processes: int = 1) -> "State":
@@ -172,7 +173,7 @@ class TrajectoryModel:
     def assemble(self, blocks: CellBlocks, noise: Noise) -> "DataNormals":
         """Sum the cells' blocks into place, window by window."""
         rough, d = noise.roughness_weight, blocks.t.shape[1] - 13
-        parts = (window_normals(w, blocks, self.cells, self.to_plane, rough) for w in self.windows)
+        parts = (window_normals(w, blocks, self.cells, rough) for w in self.windows)
         total = blocks.N[:, d, d] + rough
         chi2 = blocks.chi2 - np.square(blocks.t[:, d]) / total
         return DataNormals(tuple(parts), float(chi2.sum()), float(np.log(total / rough).sum()))
@@ -251,24 +252,64 @@ class DataNormals:
 
 @dataclass(frozen=True)
 class Step:
-    """One elimination: corrections ``dy`` (Y,) of x, planes and constants, ``d_error`` (K, P, 6),
-    ``d_surface`` (F, 3); inverse ``Q`` (T, T) of what the windows leave: y, then separators;
-    ``steps`` of the windows and ``where`` (r,) in Q what each leaves is; ``log_det`` of all;
+    """One elimination: corrections ``dz`` (T,) of x, planes, constants, then separators, of which
+    the first ``size`` are y, and what leads back: ``factor`` of the matrix (T, T) that the windows
+    leave, scaled by ``scale`` (T,) to a diagonal of ones; ``steps`` of the windows and ``where``
+    (r,) in T what each leaves is; ``shape`` (K, P, 6) of the errors; ``log_det`` of all;
     ``decrement``: by how much the step lowers the sum of squares."""
 
-    dy: np.ndarray
-    d_error: np.ndarray
-    d_surface: np.ndarray
-    Q: np.ndarray
+    dz: np.ndarray
+    size: int
+    factor: np.ndarray
+    scale: np.ndarray
+    windows: tuple[Window, ...]
     steps: tuple[WindowStep, ...]
     where: tuple[np.ndarray, ...]
+    shape: tuple[int, ...]
     log_det: float
     decrement: float
 
     @property
+    def dy(self) -> np.ndarray:
+        """(Y,) of x, planes and constants."""
+        return self.dz[: self.size]
+
+    @cached_property
+    def Q(self) -> np.ndarray:
+        """Inverse (T, T) of what the windows leave."""
+        return self.columns(len(self.dz))
+
+    def columns(self, count: int) -> np.ndarray:
+        """The first columns (T, count) of ``Q``."""
+        right = np.zeros((len(self.scale), count))
+        np.fill_diagonal(right, self.scale)
+        return self.scale[:, None] * cho_solve((self.factor, True), right)
+
+    @cached_property
+    def _moved(self) -> tuple[np.ndarray, np.ndarray]:
+        K, b = self.shape[0], self.shape[1] * self.shape[2]
+        d_error = np.empty((K, b))
+        d_surface = np.empty((sum(len(w.faces) for w in self.windows), 3))
+        for w, step, where in zip(self.windows, self.steps, self.where, strict=True):
+            begin, end = w.nodes
+            d_error[begin] = self.dz[where[:b]]
+            d_error[begin + 1 : end], d_surface[w.faces] = step.back(self.dz[where])
+        return d_error.reshape(self.shape), d_surface
+
+    @property
+    def d_error(self) -> np.ndarray:
+        """(K, P, 6) corrections of the nodes' errors."""
+        return self._moved[0]
+
+    @property
+    def d_surface(self) -> np.ndarray:
+        """(F, 3) of the surface errors."""
+        return self._moved[1]
+
+    @property
     def Q_y(self) -> np.ndarray:
         """Covariance (Y, Y) of x, planes and constants."""
-        return self.Q[: len(self.dy), : len(self.dy)]
+        return self.Q[: self.size, : self.size]
 
     @cached_property
     def S(self) -> np.ndarray:
@@ -276,12 +317,32 @@ class Step:
         S = np.linalg.inv(self.Q_y)
         return (S + S.T) / 2
 
+    def squares(
+        self, errors: np.ndarray, surfaces: np.ndarray, fixed: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Products (n, n) by the inverse of all normal equations of right sides at errors
+        (K, P, 6, n), surface errors (F, 3, n), x and constants (u + 6, n); and the solution for
+        x (u, n)."""
+        n = fixed.shape[1]
+        errors = errors.reshape(len(errors), -1, n)
+        right, out = np.zeros((len(self.dz), n)), np.zeros((n, n))
+        for w, step, where in zip(self.windows, self.steps, self.where, strict=True):
+            of_window = surfaces[w.faces].reshape(-1, n)
+            squares, left = step.squares(errors[slice(*w.nodes)], of_window)
+            right[where] += left
+            out += squares
+        u = len(fixed) - N_COMPONENTS
+        right[:u] += fixed[:u]
+        right[self.size - N_COMPONENTS : self.size] += fixed[u:]
+        solution = self.scale[:, None] * cho_solve((self.factor, True), self.scale[:, None] * right)
+        return out + right.T @ solution, solution[:u]
+
     def covariance(self, model: TrajectoryModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Variances (K, P, 6) of the errors, covariances (K - 1, P, 6) with those at the node
         before, and variances (F, 3) of the surface errors."""
         variance = np.empty((len(self.d_error), self.d_error[0].size))
         beside, surface = np.empty((len(variance), variance.shape[1])), self.d_surface.copy()
-        for w, step, where in zip(model.windows, self.steps, self.where, strict=True):
+        for w, step, where in zip(self.windows, self.steps, self.where, strict=True):
             (begin, end), at = w.nodes, where[: variance.shape[1]]
             Q = self.Q[np.ix_(where, where)]
             variance[begin] = self.Q[at, at]
@@ -296,11 +357,12 @@ def eliminate(data: DataNormals, model: TrajectoryModel, noise: Noise, state: St
     Y = u + 3 * n_planes + N_COMPONENTS
     total = Y + b * (len(model.windows) + 1)
     S, t = np.zeros((total, total)), np.zeros(total)
-    steps, places, log_det, priors = [], [], data.log_det, _node_priors(model, noise, state)
+    steps, places, log_det, decrement = [], [], data.log_det, 0.0
+    priors = _node_priors(model, noise, state)
     for number, (w, part, prior) in enumerate(
         zip(model.windows, data.windows, priors, strict=True)
     ):
-        step = eliminate_window(part, prior)
+        step = eliminate_window(w, part, prior)
         where = np.concatenate([
             Y + b * number + np.arange(2 * b), np.arange(u), Y - N_COMPONENTS + np.arange(6),
             u + (3 * w.planes[:, None] + np.arange(3)).ravel(),
@@ -308,41 +370,23 @@ def eliminate(data: DataNormals, model: TrajectoryModel, noise: Noise, state: St
         S[np.ix_(where, where)] += step.S
         t[where] += step.t
         log_det += step.log_det
+        decrement += step.decrement
         steps.append(step)
         places.append(where)
     last = np.arange(total - b, total)
     S[last, last] = 1.0  # after the last window none is
     own = np.r_[:u, Y - N_COMPONENTS : Y]
     weight = np.concatenate([model.pseudo_weight, noise.constant_weight])
-    gradient = weight * np.concatenate([state.x, state.constant])
     S[own, own] += weight
-    t[own] += gradient
+    t[own] += weight * np.concatenate([state.x, state.constant])
     scale = 1 / np.sqrt(np.diag(S))
-    factor = cho_factor(S * np.outer(scale, scale), lower=True)
-    log_det += 2 * float(np.log(np.diag(factor[0]) / scale).sum())
-    Q = scale[:, None] * cho_solve(factor, np.diag(scale))
-    dz = -Q @ t
-    d_error, d_surface = np.empty((len(state.error), b)), np.empty_like(state.surface)
-    for w, step, where in zip(model.windows, steps, places, strict=True):
-        begin, end = w.nodes
-        d_error[begin] = dz[where[:b]]
-        d_error[begin + 1 : end], d_surface[w.faces] = step.back(dz[where])
-    decrement = -float(gradient @ dz[own])
-    for w, part, prior, where in zip(model.windows, data.windows, priors, places, strict=True):
-        moved = d_error[slice(*w.nodes)]
-        local = np.concatenate([dz[where[2 * b :]], d_surface[w.faces].ravel()])
-        decrement -= float(part.t @ local + (part.t_t * _summed(moved)).sum())
-        decrement -= float((prior.gradient * moved).sum())
-        decrement -= float((prior.surface_gradient * d_surface[w.faces]).sum())
+    factor, _ = cho_factor(S * np.outer(scale, scale), lower=True)
+    log_det += 2 * float(np.log(np.diag(factor) / scale).sum())
+    dz = -scale * cho_solve((factor, True), scale * t)
     return Step(
-        dz[:Y], d_error.reshape(state.error.shape), d_surface, Q, tuple(steps), tuple(places),
-        log_det, decrement,
+        dz, Y, factor, scale, model.windows, tuple(steps), tuple(places), state.error.shape,
+        log_det, decrement - float(t @ dz),
     )  # fmt: skip
-
-
-def _summed(by_process: np.ndarray) -> np.ndarray:
-    """(K, 6) of (K, 6 P)."""
-    return by_process.reshape(len(by_process), -1, N_COMPONENTS).sum(axis=1)
 
 
 def _node_priors(model: TrajectoryModel, noise: Noise, state: State) -> list[NodePrior]:

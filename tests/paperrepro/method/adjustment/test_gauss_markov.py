@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from paperrepro.method.adjustment.trajectory_equations import GaussMarkov, Nodes, factorise
+from paperrepro.method.adjustment.trajectory_equations import GaussMarkov, Nodes
+from paperrepro.method.adjustment.trajectory_windows import Factor
 
 
 def dense(D, E):
@@ -26,21 +27,26 @@ def random_system(K=7, b=6):
 
 def test_solution_determinant_and_inverse_equal_dense_algebra():
     D, E = random_system()
-    M, factor = dense(D, E), factorise(D, E)
-    right = np.random.default_rng(1).normal(size=(7, 6, 3))
+    M, right = dense(D, E), np.random.default_rng(1).normal(size=(7, 6, 3))
     expected = np.linalg.solve(M, right.reshape(42, 3)).reshape(7, 6, 3)
-    np.testing.assert_allclose(factor.solve(right), expected, rtol=1e-10, atol=1e-13)
+    factor = Factor.of(D, E, right)
+    np.testing.assert_allclose(factor.backward(right), expected, rtol=1e-10, atol=1e-13)
     assert factor.log_det == pytest.approx(np.linalg.slogdet(M)[1], rel=1e-12)
     blocks = np.linalg.inv(M).reshape(7, 6, 7, 6)
-    for k, block in enumerate(factor.inverse_diagonal()):
-        np.testing.assert_allclose(block, blocks[k, :, k], rtol=1e-9, atol=1e-13)
+    diagonal, beside = factor.inverse_blocks()
+    for k in range(7):
+        expected = np.diag(blocks[k, :, k])
+        np.testing.assert_allclose(diagonal[k], expected, rtol=1e-9, atol=1e-13)
+    for k in range(6):
+        expected = np.diag(blocks[k, :, k + 1])
+        np.testing.assert_allclose(beside[k], expected, rtol=1e-9, atol=1e-13)
 
 
 def test_an_indefinite_matrix_is_refused():
     D, E = random_system()
     D[3] -= 200 * np.eye(6)
     with pytest.raises(np.linalg.LinAlgError):
-        factorise(D, E)
+        Factor.of(D, E, np.zeros((7, 6, 1)))
 
 
 def test_information_is_the_inverse_of_the_exponential_covariance():

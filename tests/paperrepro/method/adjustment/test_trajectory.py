@@ -8,7 +8,11 @@ from scipy import stats
 
 from paperrepro.errors import BadInput
 from paperrepro.method.adjustment.scenarios import calibrate as calibrate_paper
-from paperrepro.method.adjustment.trajectory_components import Likelihood, VarianceComponents
+from paperrepro.method.adjustment.trajectory_components import (
+    _PRIOR_SIGMA,
+    Likelihood,
+    VarianceComponents,
+)
 from paperrepro.method.adjustment.trajectory_equations import Cells, GaussMarkov
 from paperrepro.method.adjustment.trajectory_errors import (
     calibrate_with_trajectory,
@@ -142,7 +146,9 @@ def small():
         model, unknowns=unknowns, cells=Cells.of(tie_planes, model.nodes, rate),
         pseudo_weight=unknowns.pseudo_weight(SCANNER.range_offset_sigma),
     )  # fmt: skip
-    model = replace(model, windows=windows(model.cells, model.nodes, tie_planes.plane, least=3))
+    model = replace(
+        model, windows=windows(model.cells, model.nodes, tie_planes.plane, model.to_plane, least=3)
+    )
     state = iterate(model, NOISE, model.start(unknowns.start(), 2)).state
     return model, replace(state, x=state.x + 1e-5, constant=state.constant + 1e-4)
 
@@ -196,6 +202,28 @@ def test_gradient_of_the_likelihood_is_that_of_its_values(small):
         h = 1e-4 * (np.arange(len(logs)) == k)
         slope = (likelihood(logs + h)[0] - likelihood(logs - h)[0]) / 2e-4
         assert gradient[k] == pytest.approx(slope, rel=1e-3, abs=0.02)
+
+
+def test_average_information_is_that_of_the_squares(small):
+    """Where variances have logarithms, half the second derivatives of the weighted squares, but for
+    what the curvature of the exponential adds."""
+    model, state = small
+    middle = VarianceComponents().logs
+    likelihood = Likelihood(
+        model, specified_process(NAVIGATION), state, model.blocks(state), 1.0
+    ).at(middle[-1])
+
+    def squares(*moves):
+        step, _, before = likelihood.step(middle + 0.01 * np.sum(moves, axis=0))
+        return before - step.decrement
+
+    _, _, information = likelihood.information(middle)
+    information -= 2 * np.diag(_PRIOR_SIGMA**-2.0)
+    unit = np.eye(len(middle))
+    for i, j in ((0, 0), (0, 1), (1, 1), (2, 2), (2, 5), (0, 3), (6, 3), (6, 10), (12, 12)):
+        mixed = sum(a * b * squares(a * unit[i], b * unit[j]) for a in (1, -1) for b in (1, -1))
+        slope = (squares(unit[i]) - squares(-unit[i])) / 0.02 if i == j else 0.0
+        assert information[i, j] == pytest.approx(mixed / 8e-4 - slope, rel=2e-3, abs=0.02)
 
 
 def test_flat_roofs_have_no_surface_error_and_the_model_costs_nothing():
