@@ -190,7 +190,7 @@ def _directions(own: OwnFlight) -> Picture:
 
 #: What a reader is told of a scenario, in a few words.
 SCENARIOS = {
-    "SL": "boresight and planes, points on planes (Skaloud and Lichti 2006)",
+    "SL": "boresight, range offsets and planes, points on planes (Skaloud and Lichti 2006)",
     "A": "boresight, centroids on the planes of reference strips",
     "B": "boresight and range offsets, points and centroids on the planes of reference strips",
     "C": "boresight, range offsets and planes, points and centroids on planes",
@@ -219,7 +219,7 @@ def page(
         reasons=str(result.observability).split("; ")[2:], strips=len(own.survey.strips),
         scanner=scanner.name, navigation=own.survey.navigation.name, pictures=pictures,
         files=files, notes=[*notes, *own.remarks], angles=_angles(own),
-        offsets=_offsets(own), pairs=_pairs(own), planes=_planes(own), rejected=_rejected(own),
+        offsets=_offsets(own), pairs=_pair_table(own), planes=_planes(own), rejected=_rejected(own),
         noise=_noise(own), weak=_reliability(own), cm=CM, ratio=median_ratio(own.distances),
         passes=np.degrees(own.boresights),
     )  # fmt: skip
@@ -259,7 +259,7 @@ def _offsets(own: OwnFlight) -> Table | None:
     return Table(["ring", "elevation (°)", "range offset (cm)", "σ (cm)"], lines, ["number"] * 4)
 
 
-def _pairs(own: OwnFlight) -> Table:
+def _pair_table(own: OwnFlight) -> Table:
     lines = []
     for pair in own.distances:
         both = (pair.before, pair.after)
