@@ -176,7 +176,7 @@ def heights(ax: Axes, p_m: np.ndarray, extent_m, limits_m=None, cell_m=1.0) -> A
     limits = [edges[0][0], edges[0][-1], edges[1][0], edges[1][-1]]
     place = {"origin": "lower", "extent": limits}
     low, high = limits_m or np.percentile(top[np.isfinite(top)], [0.5, 99.5])
-    shades = plt.get_cmap("cividis", 24)  # few, so that noise does not swell the files
+    shades = plt.get_cmap("cividis", 12)  # few, so that noise does not swell the files
     image = ax.imshow(np.ma.masked_invalid(top.T), shades, vmin=low, vmax=high, **place)
     _plan_axes(ax, extent_m)
     return image
