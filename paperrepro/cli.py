@@ -13,7 +13,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 
 import paperrepro as pr
@@ -118,7 +117,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
-    how = partial(argparse.RawDescriptionHelpFormatter, max_help_position=16)
+    how = argparse.RawDescriptionHelpFormatter
     parser = _Parser(prog="paperrepro", description=__doc__.splitlines()[0], formatter_class=how)
     parser.add_argument("--version", action="version", version=pr.__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
