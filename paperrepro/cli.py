@@ -332,7 +332,7 @@ def _calibrate(options: argparse.Namespace) -> int:
         steps("report")
         calibration.write(own, draft / calibration.NAME, notes=list(flight.notes))
         pictures = pr.figures.flight.pictures(own)
-        page = pages.calibration_page(own, pictures, _files(options), flight.notes)
+        page = pr.figures.flight.page(own, pictures, _files(options), flight.notes)
         write_text(draft / pages.NAME, page)
         if options.write_strips:
             steps("adjusted strips")

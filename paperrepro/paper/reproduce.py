@@ -13,7 +13,14 @@ import pandas as pd
 
 from paperrepro._files import written_whole
 from paperrepro.errors import BadInput
-from paperrepro.study.notebooks import OUTPUT, NotebookFailed, declared, execute, kill_kernels
+from paperrepro.study.notebooks import (
+    OUTPUT,
+    NotebookFailed,
+    as_page,
+    declared,
+    execute,
+    kill_kernels,
+)
 from paperrepro.study.rows import write_csv
 
 NOTEBOOKS = Path(__file__).resolve().parents[2] / "notebooks"
@@ -35,7 +42,8 @@ def reproduce(
     Parameters
     ----------
     out : Path
-        Folder of the results. Ctrl-C ends the notebooks that run, and ``out`` is as it was.
+        Folder of the results, in it ``executed``: the notebooks as they ran, also as pages (HTML).
+        Ctrl-C ends the notebooks that run, and ``out`` is as it was.
     parameters : mapping
         Plain values by name, given to every notebook.
     only : tuple of str
@@ -135,7 +143,9 @@ def in_order(notebooks: list[Path]) -> list[Path]:
 def _run(notebook: Path, draft: Path, parameters: Mapping) -> float:
     start = time.perf_counter()
     hint = f"; the notebook as far as it ran is in the folder {EXECUTED}"
-    execute(notebook, draft / EXECUTED / notebook.name, parameters, hint)
+    executed = draft / EXECUTED / notebook.name
+    execute(notebook, executed, parameters, hint)
+    as_page(executed)
     return time.perf_counter() - start
 
 
