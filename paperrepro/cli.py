@@ -27,8 +27,6 @@ SCENARIOS, PLANES = ("SL", "A", "B", "C", "D"), ("auto", "gables", "any")
 SITE = -25.754444, -49.394167, 900.0
 #: Where `study` leaves its rows: the ledger reads them there.
 STUDY = Path("figures/study.csv")
-#: Significant digits of a study's numbers: it is kept, and what chance decides is not written.
-STUDY_DIGITS = 4
 _LISTED = 20
 _EXAMPLE = "F*.laz --trajectory mission.sbet --mounting mounting.toml"
 _STOPS = [
@@ -121,12 +119,15 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="paperrepro", description=__doc__.splitlines()[0])
-    parser.epilog = "Each command has its own --help, with an example."
+    how = argparse.RawDescriptionHelpFormatter
+    parser = _Parser(prog="paperrepro", description=__doc__.splitlines()[0], formatter_class=how)
     parser.add_argument("--version", action="version", version=pr.__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for add in _COMMANDS:
         add(commands)
+    examples = [command.epilog.partition(": ")[2] for command in commands.choices.values()]
+    words = "Examples, in the order of work; each command has --help:"
+    parser.epilog = "\n  ".join([words, *examples])
     return parser
 
 
@@ -469,9 +470,7 @@ def _study(options: argparse.Namespace) -> int:
         print(f"paperrepro: {options.out}: not written, surveys are missing", file=sys.stderr)
         return _stopped(finished) or 1
     rows = finished.rows
-    for column in ("value", "sigma"):
-        rows[column] = [float(f"{number:.{STUDY_DIGITS}g}") for number in rows[column]]
-    tidy.write_csv(rows, options.out.parent, options.out.stem)
+    tidy.write_csv(tidy.rounded(rows), options.out.parent, options.out.stem)
     failures = (rows.metric == tidy.FAILED).sum()
     say(f"{options.out}: {len(surveys)} surveys, {len(rows)} rows, {failures} failures")
     return 0

@@ -1,6 +1,7 @@
 """The command line: quick to help, one line for what is wrong, stopped in a line."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -55,6 +56,14 @@ def test_each_command_has_an_example(capsys, command):
     with pytest.raises(SystemExit):
         cli.main([command, "--help"])
     assert f"Example: paperrepro {command} " in capsys.readouterr().out
+
+
+def test_help_shows_the_commands_and_an_example_of_each_in_the_order_of_work(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["--help"])
+    listed, examples = capsys.readouterr().out.split("Examples, ")
+    assert re.findall(r"^ {4}(\w+)", listed.partition("COMMAND\n")[2], re.M) == [*COMMANDS]
+    assert re.findall(r"^  paperrepro (\w+) ", examples, re.M) == [*COMMANDS]
 
 
 @pytest.mark.parametrize(
