@@ -3,6 +3,7 @@
 Results appear when all notebooks have run; a run that fails leaves the earlier ones as they were.
 """
 
+import os
 import shutil
 import time
 from collections.abc import Callable, Mapping
@@ -13,7 +14,15 @@ import pandas as pd
 
 from paperrepro._files import written_whole
 from paperrepro.errors import BadInput
-from paperrepro.study.notebooks import OUTPUT, NotebookFailed, declared, execute, kill_kernels
+from paperrepro.study.environment import temporary_files
+from paperrepro.study.notebooks import (
+    OUTPUT,
+    NotebookFailed,
+    as_page,
+    declared,
+    execute,
+    kill_kernels,
+)
 from paperrepro.study.rows import FEW, read_study, write_csv
 from paperrepro.study.statistics import TooLittle, median_survey
 
@@ -29,7 +38,7 @@ _NO_ARTEFACT = ("00_*.ipynb", "*_run.ipynb")
 BEGIN_WITH = ("01", "05", "03", "10", "07", "11")
 
 
-def median_seed(study: Path = STUDY) -> int:
+def median_seed(study: str | Path = STUDY) -> int:
     """The survey that pictures of a single one show, by the committed study: that whose RMSE after
     the calibration by C is the median one; 1 where the study does not say."""
     try:
@@ -41,13 +50,15 @@ def median_seed(study: Path = STUDY) -> int:
 def reproduce(
     out: Path, parameters: Mapping, only: tuple[str, ...] = (), jobs: int = 1,
     progress: Callable[[str], None] = lambda words: None,
+    finish: Callable[[Path], None] = lambda folder: None,
 ) -> None:  # fmt: skip
     """Execute the notebooks.
 
     Parameters
     ----------
     out : Path
-        Folder of the results. Ctrl-C ends the notebooks that run, and ``out`` is as it was.
+        Folder of the results, in it ``executed``: the notebooks as they ran, also as pages (HTML).
+        Ctrl-C ends the notebooks that run, and ``out`` is as it was.
     parameters : mapping
         Plain values by name, given to every notebook.
     only : tuple of str
@@ -56,6 +67,8 @@ def reproduce(
         How many run at a time; what two of them need is computed once, the other waits for it.
     progress : callable
         Called with a line for each notebook that has run.
+    finish : callable
+        Is given the folder as it is going to be and may write into it, a report for example.
 
     Raises
     ------
@@ -68,15 +81,35 @@ def reproduce(
     for notebook in notebooks:
         _require_parameters(notebook, parameters)
     failure = None
-    with written_whole(out) as draft:
+    with written_whole(out) as draft, temporary_files():
         try:
             _run_all(notebooks, draft, {**parameters, OUTPUT: str(draft)}, jobs, progress)
         except NotebookFailed as error:
             failure = error
             _keep_executed(draft)
+        else:
+            _finish(draft, out, finish)
     if failure is not None:
         raise failure
-    _merge_rows(out)
+
+
+def _finish(draft: Path, out: Path, finish: Callable[[Path], None]) -> None:
+    """Add to ``draft`` what is made of all results, of this run and of earlier ones in ``out``."""
+    both = draft.parent / "both"
+    unseen = shutil.ignore_patterns(".*")
+    for folder in (out, draft):
+        shutil.copytree(folder.resolve(), both, ignore=unseen, copy_function=_link,
+                        dirs_exist_ok=True)  # fmt: skip
+    _merge_rows(both)
+    finish(both)
+    for path in both.rglob("*"):
+        if path.is_file() and not path.is_symlink():
+            shutil.copy(path, draft / path.relative_to(both))
+
+
+def _link(source: str, target: str) -> None:
+    Path(target).unlink(missing_ok=True)
+    os.symlink(source, target)
 
 
 def _keep_executed(draft: Path) -> None:
@@ -147,7 +180,9 @@ def in_order(notebooks: list[Path]) -> list[Path]:
 def _run(notebook: Path, draft: Path, parameters: Mapping) -> float:
     start = time.perf_counter()
     hint = f"; the notebook as far as it ran is in the folder {EXECUTED}"
-    execute(notebook, draft / EXECUTED / notebook.name, parameters, hint)
+    executed = draft / EXECUTED / notebook.name
+    execute(notebook, executed, parameters, hint)
+    as_page(executed)
     return time.perf_counter() - start
 
 

@@ -52,6 +52,7 @@ def test_results_are_collected_and_rows_merged(books, tmp_path):
     assert (out / "01_part.txt").read_text() == "7"
     assert pd.read_csv(out / "rows.csv").value.tolist() == [0.5, 0.25]
     assert (out / "executed" / "02_part.ipynb").exists()
+    assert "figures_dir" in (out / "executed" / "02_part.html").read_text(encoding="utf-8")
     assert not list(out.glob(".unfinished*"))
     # one notebook alone renews its own rows and keeps the others'
     notebook(books, "02_part", WRITES.format(name="02_part", value=0.125))
