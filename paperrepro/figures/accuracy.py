@@ -12,15 +12,23 @@ from paperrepro.paper.numbers import number
 CM = 100.0
 
 
-def rmse_bars(ax: Axes, table: pd.DataFrame, floor_m: float) -> Axes:
+def rmse_bars(
+    ax: Axes, table: pd.DataFrame, floor_m: float,
+    spread_m: dict[str, tuple[float, float]] | None = None,
+) -> Axes:  # fmt: skip
     """Fig. 7: a bar for each row of ``table`` (``scenario``, ``rmse_m``), its value on top.
 
-    ``floor_m`` is the RMSE under the true mounting: what no calibration can go below by much.
+    ``floor_m`` is the RMSE under the true mounting: what no calibration can go below by much;
+    ``spread_m``, what other surveys span, by scenario, are lines beside the bars.
     """
     colours = [SCENARIO_COLOURS[name] for name in table.scenario]
     bars = ax.bar(range(len(table)), CM * table.rmse_m, width=0.68, color=colours)
     ax.bar_label(bars, fmt="%.1f", padding=3, fontsize=7.5,
                  bbox={"fc": "white", "ec": "none", "pad": 0.3})  # fmt: skip
+    reaches = {x: (spread_m or {}).get(name) for x, name in enumerate(table.scenario)}
+    for x, reach in reaches.items():
+        if reach:
+            ax.plot([x + 0.4] * 2, CM * np.array(reach), color="black", lw=1.0)
     ax.axhline(
         CM * floor_m, color=SCENARIO_COLOURS["truth"], lw=0.8, ls=(0, (4, 2)),
         label=f"floor, true mounting: {CM * floor_m:.1f} cm",
@@ -29,7 +37,8 @@ def rmse_bars(ax: Axes, table: pd.DataFrame, floor_m: float) -> Axes:
     ax.set_xticks(range(len(table)), [scenario_name(name) for name in table.scenario])
     ax.set_ylabel("RMSE (cm)")
     ax.set_xlim(-0.6, len(table) - 0.4)
-    ax.set_ylim(0, 1.12 * CM * max(table.rmse_m.max(), floor_m))
+    most = max([floor_m, *table.rmse_m, *(reach[1] for reach in reaches.values() if reach)])
+    ax.set_ylim(0, 1.12 * CM * most)
     return ax
 
 
@@ -86,14 +95,21 @@ def histograms(axes, table: pd.DataFrame, shapes: dict[str, Distribution]) -> No
     axes[len(axes) // 2].set_xlabel("point-to-plane distance (cm)")
 
 
-def offset_strips(ax: Axes, table: pd.DataFrame, bounds_m: dict[str, float]) -> Axes:
+def offset_strips(
+    ax: Axes, table: pd.DataFrame, bounds_m: dict[str, float],
+    spread_m: dict[tuple[str, str], tuple[float, float]] | None = None,
+) -> Axes:  # fmt: skip
     """Fig. 11: absolute vertical offsets at the virtual points, a column of dots for each step.
 
     ``table`` has ``scenario``, ``stage`` (after which, "" for none) and ``offset_m``, one row per
-    virtual point; the bar is the mean, the number the largest. ``bounds_m`` are drawn as lines.
+    virtual point; the bar is the mean, the number the largest. ``bounds_m`` are drawn as lines,
+    ``spread_m``, what the means of other surveys span by (stage, scenario), beside the dots.
     """
     columns = table.groupby(["stage", "scenario"], sort=False).offset_m
-    for x, ((_, scenario), offset) in enumerate(columns):
+    for x, (step, offset) in enumerate(columns):
+        scenario = step[1]
+        if step in (spread_m or {}):
+            ax.plot([x + 0.42] * 2, CM * np.array(spread_m[step]), color="#4d4d4d", lw=1.4)
         value = CM * offset.abs().to_numpy()
         jitter = 0.28 * np.linspace(-1, 1, len(value)) if len(value) > 1 else np.zeros(1)
         ax.plot(x + jitter, value, "o", ms=2.2, mew=0, color=SCENARIO_COLOURS[scenario], alpha=0.8)

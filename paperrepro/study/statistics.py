@@ -15,7 +15,7 @@ from scipy import stats
 from paperrepro.frames import ANGLES
 from paperrepro.method.accuracy import rmse
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES
-from paperrepro.study.rows import ARTEFACT, BOUND, COLUMNS, FAILED, SPECIFIED
+from paperrepro.study.rows import ARTEFACT, BOUND, COLUMNS, FAILED, FEW, SPECIFIED
 
 #: Fewer surveys of a setting than this support no verdict, nor do fewer that gave a result.
 LEAST_SEEDS, LEAST_RESULTS = 20, 15
@@ -178,6 +178,20 @@ def median_survey(rows: pd.DataFrame, scenario: str, metric: str, preset: str = 
     if found.empty:
         raise TooLittle(f"no row of {metric} for {scenario}, {preset} × 1")
     return int(found.seed.iloc[(len(found) - 1) // 2])
+
+
+def nine_in_ten(
+    rows: pd.DataFrame, metric: str, preset: str, noise_scale: float, ending: str = ""
+) -> dict[str, tuple[float, float]]:
+    """What nine in ten quick surveys of a setting span in a metric, by estimator as the paper calls
+    it, with few points a face; ``ending`` of the scenarios' names."""
+    rows = rows[(rows.errors == SPECIFIED) & (rows.preset == preset) & (rows.profile == "quick")]
+    rows = rows[(rows.metric == metric) & (rows.noise_scale == noise_scale)]
+    if rows.empty:
+        return {}
+    called = {f"{name}{ending}": x for x, name in FEW.items()} | {n: n for n in ("before", "D")}
+    spans = rows.groupby("scenario").value.quantile([0.05, 0.95]).unstack()
+    return {called[name]: tuple(span) for name, *span in spans.itertuples() if name in called}
 
 
 def bootstrap(

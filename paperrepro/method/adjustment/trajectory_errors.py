@@ -2,8 +2,9 @@
 
 GNSS/INS errors last for seconds to minutes. An adjustment that takes each laser point's pose error
 as independent averages over thousands of points what in truth is one error per fly-over, and its
-sigma is too small by a factor of ten. Here the error is an unknown: a first-order Gauss-Markov
-process estimated in the same Gauss-Helmert adjustment, as in the paper's Eq. (3)-(4) otherwise.
+sigma is too small by up to the root of their number. Here the error is an unknown: a first-order
+Gauss-Markov process estimated in the same Gauss-Helmert adjustment, as in the paper's Eq. (3)-(4)
+otherwise.
 """
 
 from dataclasses import dataclass, replace
