@@ -27,8 +27,6 @@ SCENARIOS, PLANES = ("SL", "A", "B", "C", "D"), ("auto", "gables", "any")
 SITE = -25.754444, -49.394167, 900.0
 #: Where `study` leaves its rows: the ledger reads them there.
 STUDY = Path("figures/study.csv")
-#: Significant digits of a study's numbers: it is kept, and what chance decides is not written.
-STUDY_DIGITS = 4
 _LISTED = 20
 _EXAMPLE = "F*.laz --trajectory mission.sbet --mounting mounting.toml"
 _STOPS = [
@@ -65,10 +63,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         return _told(f"{where}{error.strerror or error}; make it readable, writable or larger", 1)
-    except Exception as error:
+    except SystemExit:  # of --help
+        raise
+    except BaseException as error:  # a library of Rust panics with one that is no Exception
         if verbose:
             raise
-        return _told(f"{type(error).__name__}: {error}; --verbose shows where; please report it", 1)
+        return _told(pr.study.environment.fault(error, arguments or sys.argv[1:]), 1)
 
 
 def _told(words: str, code: int) -> int:
@@ -119,12 +119,15 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="paperrepro", description=__doc__.splitlines()[0])
-    parser.epilog = "Each command has its own --help, with an example."
+    how = argparse.RawDescriptionHelpFormatter
+    parser = _Parser(prog="paperrepro", description=__doc__.splitlines()[0], formatter_class=how)
     parser.add_argument("--version", action="version", version=pr.__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for add in _COMMANDS:
         add(commands)
+    examples = [command.epilog.partition(": ")[2] for command in commands.choices.values()]
+    words = "Examples, in the order of work; each command has --help:"
+    parser.epilog = "\n  ".join([words, *examples])
     return parser
 
 
@@ -245,8 +248,9 @@ def _reproduce(options: argparse.Namespace) -> int:
     parameters = {name: getattr(options, name) for name in names}
     data_synth.make_config(**parameters)  # refuses what cannot be, before anything runs
     say, start = _say(options), time.perf_counter()
-    pr.reproduce(out, parameters, options.only or (), options.jobs, say)
-    pr.figures.pages.write(out, pr.study.rows.SurveyKey(**parameters))
+    run = pr.study.rows.SurveyKey(**parameters)
+    finish = lambda folder: pr.figures.pages.write(folder, run)  # noqa: E731
+    pr.reproduce(out, parameters, options.only or (), options.jobs, say, finish)
     say(f"{out}: done in {time.perf_counter() - start:.0f} s")
     return 0
 
@@ -314,8 +318,8 @@ def _calibrate_options(commands) -> None:
 
 def _calibrate(options: argparse.Namespace) -> int:
     parameters = pr.method.parameters.Parameters.read(options.set)
-    out = options.out if options.write_strips else None
-    pr.flight.write.require_names_apart(options.strips, out)  # before hours of work
+    if options.write_strips:
+        pr.flight.read.require_apart(options.strips, options.out)
     calibration, pages = pr.flight.calibration_file, pr.figures.pages
     with written_whole(options.out) as draft, _Steps(options) as steps:
         steps("reading")
@@ -466,9 +470,7 @@ def _study(options: argparse.Namespace) -> int:
         print(f"paperrepro: {options.out}: not written, surveys are missing", file=sys.stderr)
         return _stopped(finished) or 1
     rows = finished.rows
-    for column in ("value", "sigma"):
-        rows[column] = [float(f"{number:.{STUDY_DIGITS}g}") for number in rows[column]]
-    tidy.write_csv(rows, options.out.parent, options.out.stem)
+    tidy.write_csv(tidy.rounded(rows), options.out.parent, options.out.stem)
     failures = (rows.metric == tidy.FAILED).sum()
     say(f"{options.out}: {len(surveys)} surveys, {len(rows)} rows, {failures} failures")
     return 0

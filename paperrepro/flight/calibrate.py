@@ -18,7 +18,6 @@ from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES, calibrate
 from paperrepro.method.adjustment.model_checks import Check, model_checks
 from paperrepro.method.adjustment.observability import AXIS_WORDS
 from paperrepro.method.adjustment.result import CalibrationResult
-from paperrepro.method.adjustment.screening import screen
 from paperrepro.method.adjustment.trajectory_errors import few_planes, find_noise
 from paperrepro.method.coarse_to_fine import (
     Candidates,
@@ -231,7 +230,7 @@ def _adjust(
         enough = len(set(tie_planes.strips)) >= ENOUGH_STRIPS
         found = find_noise(start, few_planes(tie_planes, start.mounting), near, enough)
     result = calibrate(start, tie_planes, scenario, found=found, lever_arm=lever_arm)
-    kept = tie_planes.subset(screen(start, tie_planes).kept) if result.rejected else tie_planes
+    kept = result.adjusted(tie_planes)
     before = kept.plane_states(survey.mounting).rms
     changed = {"mounting": survey.mounting, "rms_before": before}
     return replace(result, **changed), kept
