@@ -23,7 +23,7 @@ from paperrepro.errors import BadInput, PaperReproError
 PRESETS, PROFILES = ("mount", "table4"), ("quick", "paper")
 SCENES = ("farm", "forest", "yard", "fields")
 TERRAINS = ("rolling", "natural")
-SCENARIOS, PLANES = ("SL", "A", "B", "C", "D"), ("auto", "gables", "any")
+PLANES = "auto", "gables", "any"
 SITE = -25.754444, -49.394167, 900.0
 #: Where `study` leaves its rows: the ledger reads them there.
 STUDY = Path("figures/study.csv")
@@ -304,8 +304,8 @@ def _calibrate_options(commands) -> None:
         ".flight.read .flight.calibrate .flight.write .figures.pages .figures.flight",
     )  # fmt: skip
     _strips(command)
-    words = "estimator: SL, A, B, C of the paper, or D, ours"
-    command.option("--scenario", words, "D", choices=SCENARIOS)
+    words = "SL, A, B, C of the paper, D, ours, or as 'B 3', three points a face"
+    command.option("--scenario", words, "D", metavar="NAME")
     words = "gable roofs, patches of any kind, or gables where there are enough"
     command.option("--planes", words, "auto", choices=PLANES)
     words = "write the strips under the new mounting, too"
@@ -318,6 +318,7 @@ def _calibrate_options(commands) -> None:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
+    pr.method.adjustment.scenarios.by_name(options.scenario)  # refuses what there is not
     parameters = pr.method.parameters.Parameters.read(options.set)
     if options.write_strips:
         pr.flight.read.require_apart(options.strips, options.out)

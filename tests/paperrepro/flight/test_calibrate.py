@@ -13,7 +13,7 @@ from paperrepro.method.accuracy import overlaps, pair_distances, rmse
 from paperrepro.method.adjustment.calibrate import calibrate
 from paperrepro.method.adjustment.screening import screen
 from paperrepro.method.coarse_to_fine import find_planes, sample_rays, tile_size
-from paperrepro.study.gross_error import with_wrong_match
+from paperrepro.study.variants import with_wrong_match
 
 
 def part(survey, *names):
