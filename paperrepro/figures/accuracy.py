@@ -129,6 +129,7 @@ def offset_strips(
                     textcoords="offset points", ha="center", fontsize=7.5)  # fmt: skip
     ax.set_xlabel(" ")  # room for the stages' names
     ax.set_xlim(-0.55, len(stages) - 0.45)
-    ax.set_ylim(0, 1.08 * CM * table.offset_m.abs().max())
+    reaches = [high for step, (_, high) in (spread_m or {}).items() if step in columns.groups]
+    ax.set_ylim(0, 1.08 * CM * max([table.offset_m.abs().max(), *reaches]))
     ax.set_ylabel("absolute vertical offset (cm)")
     return ax
