@@ -343,6 +343,8 @@ def test_every_artefact_that_a_notebook_writes_is_registered_with_it():
     registered = {artefact.name: artefact.notebook for artefact in ARTEFACTS}
     assert len(registered) == len(ARTEFACTS)
     for path in sorted((ROOT / "notebooks").glob("[0-9]*.ipynb")):
+        if path.name.startswith("00"):
+            continue  # recipes, which `reproduce` leaves out
         cells_of = json.loads(path.read_text(encoding="utf-8"))["cells"]
         code = "\n".join("".join(c["source"]) for c in cells_of if c["cell_type"] == "code")
         names = re.findall(r'(?:save|write_csv)\(\s*\w+, figures_dir, "(\w+)"', code)
