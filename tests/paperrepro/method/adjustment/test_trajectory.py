@@ -176,13 +176,17 @@ def test_elimination_equals_the_dense_system(small):
     np.testing.assert_allclose(ours / known, solution[: ends[4]] / known, atol=1e-4)
     outer = np.outer(sigma[:size], sigma[:size])
     np.testing.assert_allclose(step.Q_y / outer, Q[:size, :size] / outer, atol=1e-4)
-    variance, beside, surface = step.covariance(model)
+    variance, beside, surface = step.covariance()
     K, P = variance.shape[:2]
     of_nodes = np.diag(Q)[size : ends[3]].reshape(K, P, 6)
     np.testing.assert_allclose(variance, of_nodes, rtol=1e-4)
     at = np.arange(size, ends[3]).reshape(K, P, 6)
     np.testing.assert_allclose(beside, Q[at[:-1], at[1:]], rtol=1e-3, atol=1e-4 * of_nodes.max())
     np.testing.assert_allclose(surface.ravel(), np.diag(Q)[ends[3] : ends[4]], rtol=1e-4)
+    mixed, mixed_beside, _ = step.covariance(1)
+    other, most = np.roll(at, -1, axis=1), 1e-4 * of_nodes.max()
+    np.testing.assert_allclose(mixed, Q[at, other], rtol=1e-3, atol=most)
+    np.testing.assert_allclose(mixed_beside, Q[at[:-1], other[1:]], rtol=1e-3, atol=most)
     # determinant, and by how much the sum of squares falls
     rough = (ends[5] - ends[4]) * np.log(NOISE.roughness_weight)
     assert step.log_det == pytest.approx(np.linalg.slogdet(N)[1] - rough, abs=1e-3)
