@@ -150,12 +150,14 @@ class Scanner:
 @dataclass(frozen=True)
 class Navigation:
     """A GNSS/INS by its specification: ``position_sigma`` (3,) m east, north, up;
-    ``attitude_sigma`` (3,) rad roll, pitch, heading; ``correlation_time`` s."""
+    ``attitude_sigma`` (3,) rad roll, pitch, heading; ``correlation_time`` s. ``profile``: times
+    (T,) s and, at these, factors (T, 6) on the six sigmas, where it is known how they change."""
 
     name: str
     position_sigma: np.ndarray
     attitude_sigma: np.ndarray
     correlation_time: float
+    profile: tuple[np.ndarray, np.ndarray] | None = None
 
 
 @dataclass(frozen=True)

@@ -121,7 +121,7 @@ def read_flight(
     _require_together(files)
     records = [decoding.sampled(file, timed=trajectory is not None) for file in files]
     frame = frame or _frame_of(files, records)
-    navigation = given.navigation if accuracy is None else read_accuracy(accuracy, given.navigation)
+    navigation = given.navigation
     named = Names(str(files[0].path), str(trajectory or files[0].path), str(mounting))
     if trajectory is None:
         decoder, scanner, notes = _decoder_of_poses(files, records, frame, given, named)
@@ -130,6 +130,8 @@ def read_flight(
     read, more = _read_all(files, decoder)
     path = decoder.poses
     path = path if isinstance(path, Trajectory) else flight_lines.joined_trajectory(read)
+    if accuracy is not None:
+        navigation = read_accuracy(accuracy, navigation, path.time)
     survey = Survey(tuple(read), path, given.mounting, scanner, navigation)
     of_files = [note for file in files for note in file.notes]
     notes = (*given.notes, *of_files, *notes, *more)

@@ -35,6 +35,8 @@ ADJUSTED = {"sbet": "trajectory.sbet", "accuracy": "trajectory.smrmsg"}
 #: No adjustment moves a trajectory by more, m.
 LARGEST_CHANGE = 10.0
 WEEK = 604800.0
+#: No standard deviation of an accuracy file is believed to be a smaller share of its mean.
+LEAST_FACTOR = 0.05
 
 
 @dataclass(frozen=True)
@@ -83,18 +85,36 @@ def read_sbet(path: Path) -> Poses:
     return Poses(time, *columns, week_start(time))
 
 
-def read_accuracy(path: Path, navigation: Navigation) -> Navigation:
-    """``navigation`` with the position and attitude sigmas of an SMRMSG, its mean over the flight
-    (root of the mean square). Raises `BadInput`."""
+def read_accuracy(path: Path, navigation: Navigation, flown: np.ndarray) -> Navigation:
+    """``navigation`` with the position and attitude sigmas of an SMRMSG: the root of their mean
+    square over the file, and how they change. Raises `BadInput`, also where it holds nothing of
+    the times ``flown`` (K,) s."""
     table = _read_table(path, SMRMSG_COLUMNS, "SMRMSG")
-    north, east, down, *_, roll, pitch, heading = np.sqrt(np.mean(table[:, 1:] ** 2, axis=0))
-    position, attitude = np.array([east, north, down]), np.array([roll, pitch, heading])
+    time, (north, east, down, *_, roll, pitch, heading) = (
+        _continuous(table[:, 0], path),
+        table.T[1:],
+    )
+    sigmas = np.column_stack([east, north, down, roll, pitch, heading])
+    mean = np.sqrt(np.square(sigmas).mean(axis=0))
+    position, attitude = mean[:3], mean[3:]
     if not (position.max() < 100 and 0 < attitude.max() < 600):
         raise BadInput(
             f"{path}: expected sigmas in metres and minutes of arc, got {position.max():.3g} m and "
             f"{attitude.max():.3g}'; give the SMRMSG that belongs to the SBET"
         )
-    return replace(navigation, position_sigma=position, attitude_sigma=np.radians(attitude / 60.0))
+    factors = np.clip(sigmas / np.where(mean > 0, mean, 1.0), LEAST_FACTOR, None)
+    time = time + week_start(time)
+    if time[-1] < flown[0] or time[0] > flown[-1]:
+        raise BadInput(
+            f"{path}: its times, {time[0]:.0f} to {time[-1]:.0f} s, are none of the trajectory's, "
+            f"{flown[0]:.0f} to {flown[-1]:.0f} s; give the SMRMSG that belongs to the SBET"
+        )
+    return replace(
+        navigation,
+        position_sigma=position,
+        attitude_sigma=np.radians(attitude / 60.0),
+        profile=(time, factors),
+    )
 
 
 def write_adjusted(

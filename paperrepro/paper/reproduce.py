@@ -19,8 +19,8 @@ from paperrepro.study.rows import write_csv
 
 NOTEBOOKS = Path(__file__).resolve().parents[2] / "notebooks"
 EXECUTED = "executed"
-#: Ending of a notebook that makes no artefact: what a sweep executes for each of its runs.
-RUN = "_run"
+#: Notebooks that make no artefact: recipes, and what a sweep executes for each of its runs.
+_NO_ARTEFACT = ("00_*.ipynb", "*_run.ipynb")
 #: Where several run at a time, these are begun first, in this order: the longest, and such as work
 #: on different surveys (01 and 03 on the first mounting, 05 on the second, 10 on the forest), since
 #: of two that need the same one would wait for the other.
@@ -81,13 +81,15 @@ def _keep_executed(draft: Path) -> None:
 
 
 def _chosen(only: tuple[str, ...]) -> list[Path]:
-    notebooks = sorted(NOTEBOOKS.glob("[0-9][0-9]_*.ipynb"))
-    notebooks = [path for path in notebooks if not path.stem.endswith(RUN)]
-    chosen = [path for path in notebooks if not only or path.name.startswith(only)]
+    there = sorted(NOTEBOOKS.glob("[0-9][0-9]_*.ipynb"))
+    there = [path for path in there if not any(map(path.match, _NO_ARTEFACT))]
+    chosen = [path for path in there if not only or path.name.startswith(only)]
+    if not there:
+        raise BadInput(f"{NOTEBOOKS}: no notebooks here; run reproduce in a clone, which has them")
     if not chosen:
         raise BadInput(
-            f"expected notebooks {', '.join(only) or '01_...'} in {NOTEBOOKS}, found none; "
-            "run from a clone of the repository"
+            f"--only {','.join(only)}: no notebook begins so; there are "
+            f"{', '.join(path.name[:2] for path in there)}"
         )
     return chosen
 

@@ -145,6 +145,6 @@ def points(
     runs = []
     for values in itertools.product(*(grid[name] for name in names)):
         chosen = {**defaults, **dict(zip(names, values, strict=True))}
-        shown = [name for name in chosen if name == SEED or chosen[name] != defaults[name]]
+        shown = [name for name in chosen if chosen[name] != ""]
         runs.append(Point.of(chosen, fingerprint, shown))
     return runs

@@ -1,5 +1,6 @@
 """Tidy rows: one number of one survey each, by names that tables, claims and figures share."""
 
+import ast
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -8,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from paperrepro._files import whole_file
+from paperrepro.errors import BadInput
 
 #: What names a row, and what it says.
 COLUMNS = (
@@ -103,6 +105,19 @@ class SurveyKey:
             self.row(artefact, scenario, metric, unit, value)
             for (scenario, metric), value in values.items()
         ]
+
+
+def require_declared(notebook: Mapping) -> None:
+    """Raise `BadInput` where papermill has set what the parameters' cell does not declare, of a
+    notebook whose names are ``notebook``, its ``globals()``: papermill itself only warns."""
+    cells = [cell for cell in notebook.get("In", ()) if cell.startswith("# Parameters\n")]
+    given = [node for cell in cells for node in ast.walk(ast.parse(cell))]
+    declared = notebook["__annotations__"]
+    for node in given:
+        set_here = isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+        if set_here and node.id not in declared:
+            names = ", ".join(declared)
+            raise BadInput(f"{node.id}: no parameter of this notebook; it has {names}")
 
 
 def frame(rows: Iterable[Mapping]) -> pd.DataFrame:

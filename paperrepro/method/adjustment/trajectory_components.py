@@ -114,8 +114,13 @@ class VarianceComponents:
         slow = GaussMarkov(
             specified.sigma * _spread(self.sigma),
             specified.correlation_time * _spread(self.correlation_time),
+            specified.profile,
         )
-        fast = GaussMarkov(specified.sigma * _spread(self.fast), np.full(6, FAST_TIME))
+        fast = replace(
+            slow,
+            sigma=specified.sigma * _spread(self.fast),
+            correlation_time=np.full(6, FAST_TIME),
+        )
         return Noise((slow, fast), constant, self.surface, self.roughness)
 
     def apply(self, model: TrajectoryModel) -> TrajectoryModel:
@@ -413,7 +418,9 @@ def _by_time(process: GaussMarkov, time, error) -> tuple[np.ndarray, np.ndarray]
     correlation time, and covariance times that."""
     h = 1e-4
     longer, shorter = (
-        _times(GaussMarkov(process.sigma, process.correlation_time * f).information(time), error)
+        _times(
+            replace(process, correlation_time=process.correlation_time * f).information(time), error
+        )
         for f in (np.exp(h), np.exp(-h))
     )
     change = (shorter - longer) / (2 * h)
@@ -439,7 +446,7 @@ def _slopes(process: GaussMarkov, time, variance, beside) -> tuple[np.ndarray, n
     h = 1e-4
 
     def total(tau_factor):
-        moved = GaussMarkov(process.sigma, process.correlation_time * tau_factor)
+        moved = replace(process, correlation_time=process.correlation_time * tau_factor)
         squares, log_det = _expected(moved, time, variance, beside)
         return squares + log_det
 

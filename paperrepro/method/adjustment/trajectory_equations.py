@@ -36,10 +36,19 @@ LEAST_SIGMA = np.array([1e-6] * 3 + [1e-8] * 3)
 
 @dataclass(frozen=True)
 class GaussMarkov:
-    """Stationary ``sigma`` (6,) m and rad of each component, ``correlation_time`` (6,) s."""
+    """``sigma`` (6,) m and rad of each component, ``correlation_time`` (6,) s; a ``profile`` as
+    `survey.Navigation` has it, or None where sigma stays the same."""
 
     sigma: np.ndarray
     correlation_time: np.ndarray
+    profile: tuple[np.ndarray, np.ndarray] | None = None
+
+    def factor(self, time: np.ndarray) -> np.ndarray:
+        """(K, 6) on sigma at ``time`` (K,) s."""
+        if self.profile is None:
+            return np.ones((len(time), N_COMPONENTS))
+        known, factors = self.profile
+        return np.column_stack([np.interp(time, known, column) for column in factors.T])
 
     def information(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """Information of the errors at nodes ``time`` (K,) s ascending.
@@ -53,7 +62,12 @@ class GaussMarkov:
         diagonal[0] = 1 / variance
         diagonal[1:] += 1 / gained
         diagonal[:-1] += np.square(kept) / gained
-        return diagonal, -kept / gained, float(-np.log(variance).sum() - np.log(gained).sum())
+        log_det = -np.log(variance).sum() - np.log(gained).sum()
+        if self.profile is None:
+            return diagonal, -kept / gained, float(log_det)
+        factor = self.factor(time)
+        beside = -kept / gained / (factor[1:] * factor[:-1])
+        return diagonal / factor**2, beside, float(log_det - 2 * np.log(factor).sum())
 
 
 @dataclass(frozen=True)

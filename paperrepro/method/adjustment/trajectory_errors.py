@@ -60,7 +60,7 @@ NOISE_PLANES, NOISE_POINTS = 30, 150
 def specified_process(navigation: Navigation) -> GaussMarkov:
     """The Gauss-Markov process that a GNSS/INS specification describes."""
     sigma = np.concatenate([navigation.position_sigma, navigation.attitude_sigma])
-    return GaussMarkov(sigma, np.full(6, navigation.correlation_time))
+    return GaussMarkov(sigma, np.full(6, navigation.correlation_time), navigation.profile)
 
 
 def specified_noise(navigation: Navigation) -> Noise:

@@ -286,8 +286,8 @@ def _outputs(notebook):
     return [output for cell in _code(notebook) for output in cell["outputs"]]
 
 
-def test_there_are_notebooks_one_to_seven():
-    assert [path.name[:2] for path in NOTEBOOKS][:7] == [f"0{k}" for k in range(1, 8)]
+def test_there_is_a_start_and_notebooks_one_to_seven():
+    assert [path.name[:2] for path in NOTEBOOKS][:8] == [f"0{k}" for k in range(8)]
 
 
 def test_notebook_runs_on_the_kernel_everybody_has(notebook):
@@ -304,6 +304,10 @@ def test_first_code_cell_holds_annotated_plain_parameters(notebook):
     assert {"preset", "profile", "seed", "noise_scale"} <= set(known)
     assert known["figures_dir"] == ("str", '""')
     assert known["profile"] == ("str", '"quick"')
+
+
+def test_second_code_cell_refuses_parameters_that_the_first_has_not(notebook):
+    assert "require_declared(globals())" in "".join(_code(notebook)[1]["source"])
 
 
 def test_notebook_is_thin(notebook):

@@ -7,6 +7,7 @@ import pytest
 
 from data_synth.navigation import WHITE_SIGMA
 from data_synth.operator import GPS_WEEK, WEEK, Site
+from paperrepro.errors import BadInput
 from paperrepro.flight.geodesy import Grid
 from tests.paperrepro.flight.test_round_trip import differences, frame_of
 
@@ -332,11 +333,24 @@ def test_rotation_with_few_digits_is_made_exact(thinned, folder):
 def test_accuracy_file_sets_the_sigmas(thinned, folder):
     written = folder()
     accuracy = np.zeros((100, 10))
-    accuracy[:, 0] = np.arange(100)
+    flown = np.fromfile(written.sbet, "<f8")[::17]
+    accuracy[:, 0] = np.linspace(flown[0], flown[-1], 100)
     accuracy[:, 1:4], accuracy[:, 7:] = [0.01, 0.02, 0.03], [1.5, 1.6, 4.8]
+    accuracy[:, 9] *= np.tile([0.6, np.sqrt(2 - 0.36)], 50)
     path = written.path / "smrmsg.out"
     accuracy.astype("<f8").tofile(path)
     navigation = read(written, accuracy=path).survey.navigation
+    np.testing.assert_allclose(navigation.profile[1][:3, 5], [0.6, np.sqrt(2 - 0.36), 0.6])
     np.testing.assert_allclose(navigation.position_sigma, [0.02, 0.01, 0.03])
     np.testing.assert_allclose(np.degrees(navigation.attitude_sigma) * 60, [1.5, 1.6, 4.8])
     assert navigation.correlation_time == thinned[0].navigation.correlation_time
+
+
+def test_an_accuracy_file_of_another_flight_is_refused(folder):
+    written = folder()
+    accuracy = np.ones((100, 10))
+    accuracy[:, 0] = np.fromfile(written.sbet, "<f8")[-17] + np.arange(1, 101)
+    path = written.path / "smrmsg.out"
+    accuracy.astype("<f8").tofile(path)
+    with pytest.raises(BadInput, match=r"smrmsg.out: its times, .* none of the trajectory's"):
+        read(written, accuracy=path)

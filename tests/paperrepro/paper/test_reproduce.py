@@ -108,11 +108,6 @@ def test_the_longest_notebooks_are_begun_first():
     assert list(begun[len(reproduce.BEGIN_WITH) :]) == sorted(begun[len(reproduce.BEGIN_WITH) :])
 
 
-def test_no_such_notebook(books, tmp_path):
-    with pytest.raises(BadInput, match="expected notebooks 99"):
-        reproduce.reproduce(tmp_path / "out", {}, only=("99",))
-
-
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
@@ -127,4 +122,14 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, named, capsys, tmp_pat
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert named in error
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_cannot_be_chosen_is_refused_with_what_there_is(books, tmp_path, monkeypatch):
+    notebook(books, "00_start", "1")
+    with pytest.raises(BadInput, match="--only 00,77: no notebook begins so; there are 01, 02"):
+        reproduce.reproduce(tmp_path / "out", {}, only=("00", "77"))
+    monkeypatch.setattr(reproduce, "NOTEBOOKS", tmp_path / "site-packages")
+    with pytest.raises(BadInput, match="run reproduce in a clone"):
+        reproduce.reproduce(tmp_path / "out", {})
     assert not (tmp_path / "out").exists()

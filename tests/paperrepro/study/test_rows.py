@@ -1,8 +1,10 @@
 """Rows are read as they were written; of several files the first counts."""
 
 import pandas as pd
+import pytest
 
-from paperrepro.study.rows import SurveyKey, frame, read_study, write_csv
+from paperrepro.errors import BadInput
+from paperrepro.study.rows import SurveyKey, frame, read_study, require_declared, write_csv
 
 ONE = SurveyKey("mount", "quick", 1.0, 1)
 
@@ -22,3 +24,17 @@ def test_a_sweep_adds_the_surveys_that_a_study_lacks(tmp_path):
         write_csv(rows, tmp_path, name)
     both = read_study(tmp_path / "study.csv", tmp_path / "sweep.csv", tmp_path / "none.csv")
     assert both[["noise_scale", "value"]].to_numpy().tolist() == [[1.0, 1.0], [4.0, 2.0]]
+
+
+@pytest.mark.parametrize("text", ["seed = 2", 'seed = 3\nnoise_scale = float("inf")'])
+def test_parameters_that_a_notebook_declares_are_taken(text):
+    declared = {"seed": int, "noise_scale": float}
+    require_declared({"__annotations__": declared, "In": ["", f"# Parameters\n{text}\n"]})
+    require_declared({"__annotations__": declared, "In": ["", "nose_scale = 1"]})
+    require_declared({"__annotations__": declared})
+
+
+def test_a_parameter_that_a_notebook_does_not_declare_is_refused():
+    names = {"__annotations__": {"seed": int}, "In": ["", "x = 1", "# Parameters\nsed = 2\n"]}
+    with pytest.raises(BadInput, match="sed: no parameter of this notebook; it has seed"):
+        require_declared(names)

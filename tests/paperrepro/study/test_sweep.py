@@ -104,7 +104,7 @@ def test_the_seed_changes_last(known):
         (1, 0.0), (1, 2.0), (2, 0.0), (2, 2.0),
     ]  # fmt: skip
     assert len({p.name for p in runs}) == 4
-    assert runs[0].name.startswith("seed-1_noise_scale-0.0_")
+    assert runs[0].name.startswith("preset-mount_profile-quick_seed-1_noise_scale-0.0_")
     assert "figures_dir" not in runs[0].parameters
 
 

@@ -49,14 +49,20 @@ def test_an_indefinite_matrix_is_refused():
         Factor.of(D, E, np.zeros((7, 6, 1)))
 
 
-def test_information_is_the_inverse_of_the_exponential_covariance():
+PROFILE = np.array([0.0, 10.0, 30.0]), np.random.default_rng(1).uniform(0.3, 3, (3, 6))
+
+
+@pytest.mark.parametrize("profile", [None, PROFILE])
+def test_information_is_the_inverse_of_the_exponential_covariance(profile):
     time = np.array([0.0, 0.4, 1.0, 21.0, 22.0, 22.5])
-    process = GaussMarkov(np.arange(1.0, 7.0), np.linspace(5, 40, 6))
+    process = GaussMarkov(np.arange(1.0, 7.0), np.linspace(5, 40, 6), profile)
+    factor = process.factor(time)
     diagonal, beside, log_det = process.information(time)
     total = 0.0
     for c in range(6):
         lag = np.abs(time[:, None] - time)
         covariance = process.sigma[c] ** 2 * np.exp(-lag / process.correlation_time[c])
+        covariance *= np.outer(factor[:, c], factor[:, c])
         information = np.diag(diagonal[:, c]) + np.diag(beside[:, c], 1) + np.diag(beside[:, c], -1)
         np.testing.assert_allclose(information @ covariance, np.eye(6), atol=1e-10)
         total -= np.linalg.slogdet(covariance)[1]
