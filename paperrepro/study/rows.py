@@ -46,6 +46,8 @@ TABLE1_PAIRS = (
 )  # fmt: skip
 #: Scenario D with the lever arm as an unknown; and under the noise that it finds in the data.
 LEVER_ARM, FOUND = "D lever arm", "D noise found"
+#: The latter's mounting together with its trajectory; and the true mounting.
+ADJUSTED, TRUTH = "D trajectory adjusted", "truth"
 #: Errors of a survey as the specifications say.
 SPECIFIED = "specified"
 #: Kinds of errors by the parameters of the simulation. All but ``smoother`` and ``outage`` have the
