@@ -154,8 +154,7 @@ def _strips(command: _Parser) -> None:
     command.option("strips", "LAS or LAZ files", nargs="+", type=Path, metavar="STRIP")
     words = "SBET; not needed where the strips hold a pose for each point"
     command.option("--trajectory", words, type=Path, metavar="FILE")
-    words = "mounting.toml: the nominal one"
-    command.option("--mounting", words, type=Path, required=True, metavar="FILE")
+    command.option("--mounting", "nominal mounting.toml", type=Path, required=True, metavar="FILE")
     command.option("--crs", "of the strips, as EPSG:31982; else their header's")
     command.option("--ring-dimension", "where a point's ring stands", "user_data", metavar="NAME")
     command.option("--out", "written whole", type=Path, required=True, metavar="DIR")
@@ -302,22 +301,20 @@ def _calibrate_options(commands) -> None:
         ".flight.read .flight.calibrate .flight.write .figures.pages .figures.flight",
     )  # fmt: skip
     _strips(command)
-    words = "estimator: SL, A, B, C of the paper, or D, ours"
-    command.option("--scenario", words, "D", choices=SCENARIOS)
+    command.option("--scenario", "SL, A, B, C of the paper, or D, ours", "D", choices=SCENARIOS)
     words = "gable roofs, patches of any kind, or gables where there are enough"
     command.option("--planes", words, "auto", choices=PLANES)
     command.flag("--write-strips", "write the strips, too: new mounting, adjusted trajectory (D)")
     command.flag("--write-trajectory", "write the adjusted trajectory, too (D): SBET, SMRMSG")
     command.flag("--lever-arm", "estimate the lever arm, too (D); the given one is its prior")
     command.option("--accuracy", "SMRMSG of the trajectory", type=Path, metavar="FILE")
-    words = "parameters of Table 2, such as growing_angle_deg=2, or a TOML file of such lines"
-    command.option("--set", words, "", metavar="NAME=VALUE,…")
+    command.option("--set", "parameters of Table 2, or a TOML file", "", metavar="NAME=VALUE,…")
 
 
 def _calibrate(options: argparse.Namespace) -> int:
     parameters = pr.method.parameters.Parameters.read(options.set)
-    out = options.out if options.write_strips else None
-    pr.flight.write.require_names_apart(options.strips, out)  # before hours of work
+    apart = pr.flight.write.require_names_apart  # before hours of work
+    apart(options.strips, options.out if options.write_strips else None)
     if options.write_trajectory and (options.scenario != "D" or not options.trajectory):
         raise BadInput("--write-trajectory: needs scenario D and --trajectory; give both")
     calibration, pages = pr.flight.calibration_file, pr.figures.pages
@@ -368,8 +365,7 @@ def _apply_options(commands) -> None:
         ".flight.read .flight.write",
     )  # fmt: skip
     _strips(command)
-    words = "calibration.json"
-    command.option("--calibration", words, type=Path, required=True, metavar="FILE")
+    command.option("--calibration", "calibration.json", type=Path, required=True, metavar="FILE")
 
 
 def _apply(options: argparse.Namespace) -> int:

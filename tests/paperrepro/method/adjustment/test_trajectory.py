@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from paperrepro.errors import BadInput
+from paperrepro.method.adjustment.result import TrajectoryErrors
 from paperrepro.method.adjustment.scenarios import calibrate as calibrate_paper
 from paperrepro.method.adjustment.trajectory_components import (
     _PRIOR_SIGMA,
@@ -314,6 +315,42 @@ def test_without_noise_as_exact_as_the_others():
     assert np.abs(np.rad2deg(result.boresight - truth.boresight)).max() < 1e-6
     np.testing.assert_allclose(result.range_offsets, offsets, atol=1e-6)
     assert np.abs(result.trajectory.correction).max() < 1e-6
+
+
+def test_errors_between_nodes_are_those_of_the_processes():
+    """Mean and sigma at any time are what the Gauss-Markov covariances make of the nodes'."""
+    rng, time = np.random.default_rng(2), np.array([10.0, 10.5, 18.0])
+    processes = tuple(GaussMarkov(np.full(6, s), np.full(6, tau)) for s, tau in ((2, 20), (1, 1)))
+    prior = [process_covariance(process, time, time) for process in processes]
+    prior = np.block([[prior[0], np.zeros((3, 3))], [np.zeros((3, 3)), prior[1]]])
+    gain = rng.normal(0, 0.3, (4, 6))  # four observations of the sums' errors
+    posterior = prior - prior @ gain.T @ np.linalg.solve(gain @ prior @ gain.T + np.eye(4),
+                                                         gain @ prior)  # fmt: skip
+    mean = rng.normal(size=6)  # process by process
+    blocks = posterior.reshape(2, 3, 2, 3)
+    same = np.array([[[blocks[p, k, (p + s) % 2, k] for p in (0, 1)] for k in range(3)]
+                     for s in (0, 1)])  # fmt: skip
+    beside = np.array([[[blocks[p, k, (p + s) % 2, k + 1] for p in (0, 1)] for k in range(2)]
+                       for s in (0, 1)])  # fmt: skip
+    spread = [np.repeat(part[..., None], 6, axis=-1) for part in (same, beside)]
+    errors = TrajectoryErrors(
+        time, np.repeat(mean.reshape(2, 3).T[..., None], 6, axis=-1), *spread, processes,
+        np.full(6, 0.1), np.zeros(6),
+    )  # fmt: skip
+    asked = np.array([5.0, 10.0, 10.1, 12.0, 17.9, 18.0, 30.0, 1e4])
+    across = [process_covariance(process, asked, time) for process in processes]
+    A = np.concatenate(across, axis=1) @ np.linalg.inv(prior)
+    variance = 5 - np.einsum("nk,kl,nl->n", A, prior - posterior, A)
+    found, sigma = errors.at(asked)
+    np.testing.assert_allclose(found[:, 3], 0.1 + A @ mean, atol=1e-12)
+    np.testing.assert_allclose(sigma[:, 3] ** 2, variance, rtol=1e-10)
+    np.testing.assert_allclose(errors.at(time)[1], errors.sigma, rtol=1e-10)
+    assert found[-1] == pytest.approx(np.full(6, 0.1))
+
+
+def process_covariance(process, one, other):
+    lag = np.abs(one[:, None] - other)
+    return process.sigma[0] ** 2 * np.exp(-lag / process.correlation_time[0])
 
 
 def test_sigma_hold_under_time_correlated_noise(noisy):
