@@ -53,6 +53,7 @@ test: lint ## lint, tests, then every notebook on its quick profile
 
 lint: $(ready) ## ruff on the packages, tests and notebooks
 	$(bin)/ruff check .
+	$(bin)/ruff format --check .
 
 readme: $(ready) ## put the claims of figures/claims.csv into README.md
 	$(bin)/python -c "import pandas as pd, paperrepro as pr; tables = pr.paper.tables; \
@@ -67,8 +68,8 @@ lab: $(ready) ## open notebooks and results in JupyterLab
 	JUPYTER_CONFIG_PATH=tools/jupyter $(bin)/jupyter lab $(if $(filter 0,$(shell id -u)),--allow-root) \
 	    --LabApp.default_url=/lab/tree/notebooks/00_start_here.ipynb $(ARGS)
 
-clean: ## remove caches, build leftovers and executed notebooks
-	rm -rf build dist runs .pytest_cache .ruff_cache .benchmarks -- *.egg-info
+clean: ## remove what tools leave, runs/ and executed notebooks; not sweeps/, not the cache
+	rm -rf build dist runs figures/executed .pytest_cache .ruff_cache .benchmarks -- *.egg-info
 	find . -path ./.venv -prune -o \( -name __pycache__ -o -name .ipynb_checkpoints \) -type d -prune -exec rm -rf {} +
 
 distclean: clean ## clean, and remove .venv

@@ -46,6 +46,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = _parser().parse_args(arguments)
         verbose = options.verbose
         os.environ.setdefault("OPEN3D_DISABLE_WEB_VISUALIZER", "true")  # no web server
+        if options.quiet:
+            os.environ["TQDM_DISABLE"] = "1"  # no bar
         with _signals(_end_at_once):  # nothing has been begun
             for module in options.needs:
                 importlib.import_module(module, "paperrepro")
@@ -245,9 +247,7 @@ def _reproduce(options: argparse.Namespace) -> int:
     parameters = {name: getattr(options, name) for name in names}
     data_synth.make_config(**parameters)  # refuses what cannot be, before anything runs
     say, start = _say(options), time.perf_counter()
-    seconds = pr.reproduce(out, parameters, options.only or (), options.jobs)
-    for name, spent in seconds.items():
-        say(f"{name:32s} {spent:7.1f} s")
+    pr.reproduce(out, parameters, options.only or (), options.jobs, say)
     pr.figures.pages.write(out, pr.study.rows.SurveyKey(**parameters))
     say(f"{out}: done in {time.perf_counter() - start:.0f} s")
     return 0
@@ -335,7 +335,7 @@ def _calibrate(options: argparse.Namespace) -> int:
             files = pr.flight.sbet.write_adjusted(options.trajectory, flight.frame, errors, draft)
         calibration.write(own, draft / calibration.NAME, notes=list(flight.notes), trajectory=files)
         pictures = pr.figures.flight.pictures(own)
-        page = pages.calibration_page(own, pictures, _files(options), flight.notes)
+        page = pr.figures.flight.page(own, pictures, _files(options), flight.notes)
         write_text(draft / pages.NAME, page)
         if options.write_strips:
             steps("adjusted strips")

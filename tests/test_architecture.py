@@ -2,6 +2,7 @@
 README."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -204,3 +205,11 @@ def test_imports_run_one_way(package):
 def test_a_module_stays_short(name):
     lines = len(MODULES[name].read_text(encoding="utf-8").splitlines())
     assert lines <= LONGEST_MODULE, f"{name} has {lines} lines; split it by theme"
+
+
+def test_one_version_everywhere():
+    """The package, what pip installs, what is cited, and the last entry of the changes."""
+    text = {name: (ROOT / name).read_text() for name in ("pyproject.toml", "CITATION.cff")}
+    found = {re.search(r"^version\W+([\d.]+)", words, re.M)[1] for words in text.values()}
+    found.add(re.search(r"^## ([\d.]+)", (ROOT / "CHANGELOG.md").read_text(), re.M)[1])
+    assert found == {paperrepro.__version__}

@@ -105,7 +105,7 @@ install_packages() {
     local total
     total=$(grep -c == environment.txt)
     say "installing the packages of environment.txt, about $total (a minute or two)"
-    "${pip[@]}" -r environment.txt | awk -v total="$total" '
+    PYTHONUNBUFFERED=1 "${pip[@]}" -r environment.txt | awk -v total="$total" '
         /^Collecting/ && ++n % 20 == 0 { print "setup: " n " of about " total " found"; fflush() }
         /^Installing collected/ { print "setup: unpacking them"; fflush() }'
     say "installing the project, editable"

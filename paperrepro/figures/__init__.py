@@ -36,18 +36,17 @@ SCENARIO_NAMES = {
     "truth": "true mounting",
 }
 
+#: Tol's muted colours, for colour-blind readers too, and no scenario's.
 STRIP_COLOURS = {
-    "F1": "#0072b2",
-    "F2": "#d55e00",
-    "F3": "#009e73",
-    "F4": "#e69f00",
-    "F5": "#56b4e9",
-    "F6": "#cc79a7",
-    "F7": "#5e3c99",
-    "F8": "#8c6d31",
+    "F1": "#332288",
+    "F2": "#cc6677",
+    "F3": "#117733",
+    "F4": "#ddcc77",
+    "F5": "#88ccee",
+    "F6": "#882255",
+    "F7": "#44aa99",
+    "F8": "#999933",
 }
-#: Of the angles, components and axes that come in threes.
-AXIS_COLOURS = ("#0072b2", "#d55e00", "#009e73")
 GROUND, OBJECT, ACCENT = "#b9a684", "#56b4e9", "#d55e00"
 
 
@@ -82,7 +81,7 @@ def scenario_name(scenario: str) -> str:
 def save(
     figure: Figure, folder: str | Path, name: str, data: pd.DataFrame | None = None
 ) -> list[Path]:
-    """Write ``name`` as PNG and SVG, and ``data``, the plotted values, as CSV.
+    """Write ``name`` as PNG of 300 dpi and SVG, and ``data``, the plotted values, as CSV.
 
     Parameters
     ----------
@@ -107,7 +106,7 @@ def save(
         require_folder(Path(folder))
         parts = [stack.enter_context(whole_file(path)) for path in paths]
         with plt.rc_context({"svg.hashsalt": "paperrepro"}):
-            figure.savefig(parts[0], format="png", dpi=200)
+            figure.savefig(parts[0], format="png", dpi=300)
             figure.savefig(parts[1], format="svg", dpi=200, metadata={"Date": None})
         if data is not None:
             data.to_csv(parts[2], index=False, float_format="%.10g")

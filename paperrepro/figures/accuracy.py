@@ -3,10 +3,11 @@
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from scipy import stats
 
 from paperrepro.figures import SCENARIO_COLOURS, scenario_name
+from paperrepro.method.accuracy import Distribution
+from paperrepro.paper.numbers import number
 
 CM = 100.0
 
@@ -26,7 +27,7 @@ def rmse_bars(ax: Axes, table: pd.DataFrame, floor_m: float) -> Axes:
     )  # fmt: skip
     ax.legend(loc="upper right")
     ax.set_xticks(range(len(table)), [scenario_name(name) for name in table.scenario])
-    ax.set_ylabel("RMSE of point-to-plane distances (cm)")
+    ax.set_ylabel("RMSE (cm)")
     ax.set_xlim(-0.6, len(table) - 0.4)
     ax.set_ylim(0, 1.12 * CM * max(table.rmse_m.max(), floor_m))
     return ax
@@ -56,40 +57,33 @@ def histogram_table(
     return pd.concat(tables, ignore_index=True)
 
 
-def histogram(ax: Axes, table: pd.DataFrame, scenario: str) -> Axes:
-    """Fig. 8: one scenario of `histogram_table`, with its normal curve."""
+def histogram(ax: Axes, table: pd.DataFrame, scenario: str, shape: Distribution) -> Axes:
+    """Fig. 8: one scenario of `histogram_table`, with the normal curve of its ``shape``."""
     rows = table[table.scenario == scenario]
     edges = CM * np.append(rows.left_m, rows.right_m.iloc[-1])
     ax.stairs(rows.density / CM, edges, fill=True, color=SCENARIO_COLOURS[scenario], alpha=0.55)
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    ax.plot(middle, rows.normal / CM, color="black", lw=0.9)
+    x = np.linspace(edges[0], edges[-1], 400)
+    ax.plot(x, stats.norm(CM * shape.mean, CM * shape.sigma).pdf(x), color="black", lw=0.9)
     ax.axvline(0.0, color="#4d4d4d", lw=0.5)
     ax.set_xlim(edges[0], edges[-1])
     ax.set_ylim(bottom=0)
-    ax.set_xlabel("point-to-plane distance (cm)")
     return ax
 
 
-def histograms(
-    figure: Figure, axes, after: pd.DataFrame, before: pd.DataFrame, words: dict[str, str]
-) -> Figure:
-    """Fig. 8: a panel for each scenario of ``after``, that of ``before`` as an inset in each.
-
-    ``words`` go under the panels' titles.
-    """
-    for ax, (letter, name) in zip(
-        axes, zip("abcdef", after.scenario.unique(), strict=False), strict=True
-    ):
-        histogram(ax, after, name)
-        ax.set_title(f"({letter}) {scenario_name(name)}\n{words[name]}")
-        inset = ax.inset_axes([0.70, 0.60, 0.30, 0.34])
-        histogram(inset, before, "before")
-        inset.set(xlabel="", yticks=[], facecolor="none")
-        inset.set_title("before", fontsize=6.5, loc="center", pad=2)
-        inset.spines["left"].set_visible(False)
-        inset.tick_params(labelsize=6.5)
+def histograms(axes, table: pd.DataFrame, shapes: dict[str, Distribution]) -> None:
+    """Fig. 8: a panel for each scenario of `histogram_table`, in the order of ``shapes``, whose
+    mean, sigma and distance from a normal distribution are written above."""
+    for ax, letter, (name, shape) in zip(axes, "abcdef", shapes.items(), strict=False):
+        histogram(ax, table, name, shape)
+        ax.set_title(
+            f"({letter}) {scenario_name(name)}\nmean {number(CM * shape.mean, 1, signed=True)} cm\n"
+            f"σ {number(CM * shape.sigma, 1)} cm\nKS {number(100 * shape.ks, 1)} %"
+        )
+    for ax in axes[2:]:
+        ax.sharey(axes[1])
+        ax.tick_params(labelleft=False)
     axes[0].set_ylabel("density (1/cm)")
-    return figure
+    axes[len(axes) // 2].set_xlabel("point-to-plane distance (cm)")
 
 
 def offset_strips(ax: Axes, table: pd.DataFrame, bounds_m: dict[str, float]) -> Axes:

@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from paperrepro.figures import ACCENT, OBJECT, SCENARIO_COLOURS
+from paperrepro.paper.numbers import SYMBOLS
 
-RANGE_COLOURS = {30.0: "#0072b2", 45.0: "#009e73", 60.0: "#d55e00"}
+RANGE_COLOURS = {30.0: "#9ca7b0", 45.0: "#5d6b76", 60.0: "#1d2730"}
 #: Of an error budget's entries: colour and marker by what they are.
 BUDGET_KINDS = {
     "noise of the sensors": ("#4d4d4d", "s"),
@@ -34,20 +35,24 @@ def small_angle(ax: Axes, table: pd.DataFrame) -> Axes:
 
 def budget(ax: Axes, table: pd.DataFrame, accuracy_m: float) -> Axes:
     """What moves a point by how much: ``table`` has ``source``, ``kind`` (of `BUDGET_KINDS`) and
-    ``displacement_m``; ``accuracy_m`` is the scanner's stated accuracy, a line."""
+    ``displacement_m``, also in words at the right; ``accuracy_m`` is the scanner's stated accuracy,
+    a line."""
     table = table.iloc[::-1].reset_index(drop=True)
     for kind, (colour, marker) in BUDGET_KINDS.items():
         rows = table[table.kind == kind]
         ax.hlines(rows.index, 1e-3, 100 * rows.displacement_m, color=colour, lw=0.7)
         ax.plot(100 * rows.displacement_m, rows.index, marker, color=colour, label=kind)
     for y, row in table.iterrows():
-        ax.annotate(f"{100 * row.displacement_m:.2g}", (100 * row.displacement_m, y), (6, 0),
-                    textcoords="offset points", va="center", fontsize=7,
-                    bbox={"fc": "white", "ec": "none", "pad": 0.5})  # fmt: skip
+        ax.text(1.04, y, f"{100 * row.displacement_m:.2g}", transform=ax.get_yaxis_transform(),
+                va="center", ha="right", fontsize=7)  # fmt: skip
+    ax.text(1.04, len(table) - 0.2, "cm", transform=ax.get_yaxis_transform(), ha="right")
     ax.axvline(100 * accuracy_m, color="black", lw=0.8, ls=(0, (4, 2)), zorder=1)
-    ax.set_yticks(range(len(table)), table.source)
+    ax.annotate(f"scanner, stated: {100 * accuracy_m:g} cm", (100 * accuracy_m, len(table) - 0.4),
+                (4, 0), textcoords="offset points", fontsize=7)  # fmt: skip
+    ax.set_yticks(range(len(table)), table.source.replace(SYMBOLS, regex=True))
     ax.set_xscale("log")
-    ax.set_xlim(30 * table.displacement_m.min(), 300 * table.displacement_m.max())
+    ax.set_xlim(30 * table.displacement_m.min(), 150 * table.displacement_m.max())
+    ax.set_ylim(-0.7, len(table) + 0.2)
     ax.xaxis.set_major_formatter("{x:g}")
     ax.set_xlabel("displacement of a point 30 m away (cm)")
     ax.figure.legend(loc="outside lower center", ncols=3)
@@ -73,6 +78,8 @@ def thick_roof(figure: Figure, axes: dict, table: pd.DataFrame, names: dict[str,
         mean = face.groupby("elevation_deg").distance_m.mean() - face.distance_m.mean()
         axes["c"].plot(mean.index, 100 * mean, "o-", ms=3, color=colour, label=words)
     axes["a"].tick_params(labelbottom=False)
+    axes["a"].set(xlim=_about(table.across_m), ylim=_about(table.up_m))
+    axes["b"].set(xlim=_about(table.across_m), ylim=_about(table.up_m))
     axes["b"].set_xlabel("across the ridge (m)")
     figure.colorbar(dots, ax=[axes["a"], axes["b"]], label="beam elevation (°)", shrink=0.8)
     axes["c"].axhline(0, color="#4d4d4d", lw=0.5)
@@ -81,6 +88,11 @@ def thick_roof(figure: Figure, axes: dict, table: pd.DataFrame, names: dict[str,
     axes["c"].margins(y=0.2)
     axes["c"].legend()
     return figure
+
+
+def _about(values: pd.Series) -> tuple[float, float]:
+    """A little more than their span."""
+    return values.min() - 0.3, values.max() + 0.3
 
 
 def steps(ax: Axes, names: Sequence[str], notes: Sequence[str], again: tuple[int, int]) -> Axes:
@@ -98,8 +110,8 @@ def steps(ax: Axes, names: Sequence[str], notes: Sequence[str], again: tuple[int
             _arrow(ax, (k - 1 + width, height / 2), (k, height / 2), "black", "arc3")
     first, last = again
     _arrow(ax, (last + width / 2, height), (first + width / 2, height), ACCENT, "arc3,rad=0.18")
-    ax.text((first + last + width) / 2, height + 0.36, "in passes", color=ACCENT, ha="center",
-            fontsize=7)  # fmt: skip
+    ax.text((first + last + width) / 2, height + 0.36, "again, until the boresight settles",
+            color=ACCENT, ha="center", fontsize=7)  # fmt: skip
     ax.set(xlim=(-0.05, len(names) - 1 + width + 0.05), ylim=(-0.25, height + 0.5))
     ax.axis("off")
     return ax

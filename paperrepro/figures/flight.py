@@ -1,7 +1,8 @@
-"""Pictures of an operator's own flight and of what its calibration changed."""
+"""An operator's own flight: pictures of what its calibration changed, and the report, a page that
+needs nothing else."""
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -9,11 +10,14 @@ from matplotlib.axes import Axes
 
 from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS, STYLE, canvas, thinned
 from paperrepro.figures.calibration import correlation_matrix
-from paperrepro.figures.pages import Picture
+from paperrepro.figures.pages import Picture, Table, render
 from paperrepro.flight.calibrate import OwnFlight
-from paperrepro.method.accuracy import PairDistances, nmad, rmse
+from paperrepro.frames import ANGLES
+from paperrepro.method.accuracy import PairDistances, median_ratio, nmad, rmse
+from paperrepro.method.adjustment.observability import AXIS_WORDS
 from paperrepro.method.georeference import georeference
 from paperrepro.paper.numbers import SYMBOLS, number
+from paperrepro.study.statistics import TWO_SIDED
 
 CM = 100.0
 
@@ -117,7 +121,7 @@ def _picture(figure, title: str, alt: str, caption: str) -> Picture:
         figure.savefig(text, format="svg", dpi=200, metadata={"Date": None})
     size = 1.25 * 96 * figure.get_size_inches()
     plt.close(figure)
-    return Picture.of(text.getvalue(), size, title=title, alt=alt, caption=caption)
+    return Picture.of(text.getvalue(), "svg+xml", size, title=title, alt=alt, caption=caption)
 
 
 def _map(own: OwnFlight) -> Picture:
@@ -180,3 +184,182 @@ def _directions(own: OwnFlight) -> Picture:
         "alone does not tell yaw."
     )
     return _picture(figure, "Planes", f"{words}, on a compass.", caption)
+
+
+# The report
+
+#: What a reader is told of a scenario, in a few words.
+SCENARIOS = {
+    "SL": "boresight, range offsets and planes, points on planes (Skaloud and Lichti 2006)",
+    "A": "boresight, centroids on the planes of reference strips",
+    "B": "boresight and range offsets, points and centroids on the planes of reference strips",
+    "C": "boresight, range offsets and planes, points and centroids on planes",
+    "D": "boresight, range offsets, planes and the error of the trajectory over time",
+}
+
+
+def page(
+    own: OwnFlight, pictures: Mapping[str, Picture], files: Mapping[str, str], notes: Iterable[str]
+) -> str:
+    """The report as text.
+
+    Parameters
+    ----------
+    own : OwnFlight
+        What `paperrepro.calibrate_flight` gives.
+    pictures : mapping of str to Picture
+        As `pictures` draws them.
+    files, notes
+        The files that were read, by what they are; sentences on the reading.
+    """
+    result, scanner = own.result, own.survey.scanner
+    return render(
+        "calibration_template.html",
+        own=own, result=result, seen=result.observability, scenario_words=SCENARIOS,
+        reasons=str(result.observability).split("; ")[2:], strips=len(own.survey.strips),
+        scanner=scanner.name, navigation=own.survey.navigation.name, pictures=pictures,
+        files=files, notes=[*notes, *own.remarks], angles=_angles(own),
+        offsets=_offsets(own), pairs=_pair_table(own), planes=_planes(own), rejected=_rejected(own),
+        noise=_noise(own), weak=_reliability(own), cm=CM, ratio=median_ratio(own.distances),
+        passes=np.degrees(own.boresights),
+    )  # fmt: skip
+
+
+def _angles(own: OwnFlight) -> Table:
+    result, lasting = own.result, own.result.observability.lasting_sigma
+    lines = []
+    for k, (angle, axis) in enumerate(zip(ANGLES, AXIS_WORDS, strict=True)):
+        value, sigma = np.degrees(result.boresight[k]), np.degrees(result.sigma[k])
+        ends = [number(value + way * TWO_SIDED * sigma, 4) for way in (-1, 1)]
+        lines.append(
+            (
+                f"{SYMBOLS[angle]} ({axis})", number(value, 4), number(sigma, 4),
+                f"{ends[0]} to {ends[1]}",
+                "" if lasting is None else number(np.degrees(lasting[k]), 4),
+                "no" if axis in result.observability.undetermined else "yes",
+            )
+        )  # fmt: skip
+    heads = [
+        "angle", "estimate (°)", "σ (°)", "95 % interval (°)",
+        "σ under lasting trajectory errors (°)", "determined",
+    ]  # fmt: skip
+    return Table(heads, lines, ["word", *["number"] * 4, "word"])
+
+
+def _offsets(own: OwnFlight) -> Table | None:
+    result = own.result
+    if result.range_offsets is None:
+        return None
+    elevation = np.degrees(own.survey.scanner.beam_elevations)
+    both = zip(result.range_offsets, result.sigma_offsets, strict=False)
+    lines = [
+        (str(ring), *(number(v, 2) for v in (elevation[ring], CM * offset, CM * sigma)))
+        for ring, (offset, sigma) in enumerate(both)
+    ]
+    return Table(["ring", "elevation (°)", "range offset (cm)", "σ (cm)"], lines, ["number"] * 4)
+
+
+def _pair_table(own: OwnFlight) -> Table:
+    lines = []
+    for pair in own.distances:
+        both = (pair.before, pair.after)
+        rms, middle = [rmse(d) for d in both], [np.median(np.abs(d)) for d in both]
+        lines.append(
+            (
+                f"{pair.first} – {pair.second}", number(100 * pair.overlap, 0),
+                number(len(pair.before)), *(number(CM * value, 1) for value in (*rms, *middle)),
+            )
+        )  # fmt: skip
+    heads = [
+        "strips", "overlap (%)", "points", "RMS before (cm)", "RMS after (cm)",
+        "median |d| before (cm)", "median |d| after (cm)",
+    ]  # fmt: skip
+    return Table(heads, lines, ["word", *["number"] * 6])
+
+
+def _planes(own: OwnFlight) -> Table:
+    """The planes of the result: how they lie, who sees them, how well their points fit."""
+    result, ties = own.result, own.tie_planes
+    middle = ties.plane_states(result.calibrated).centroid
+    lines = []
+    for k, plane in enumerate(result.planes):
+        slope = np.degrees(np.arccos(np.clip(plane[2], -1, 1)))
+        azimuth = np.degrees(np.arctan2(plane[0], plane[1])) % 360
+        lines.append(
+            (
+                str(k), ", ".join(np.array(ties.strips)[ties.plane == k]),
+                number(result.points_per_plane[k]), number(slope, 1),
+                number(azimuth, 0) if slope > 1 else "", *(number(x, 1) for x in middle[k]),
+                number(CM * result.rms_before[k], 1), number(CM * result.rms_after[k], 1),
+            )
+        )  # fmt: skip
+    heads = [
+        "plane", "seen in", "points", "slope (°)", "faces (° from north)", "east (m)",
+        "north (m)", "up (m)", "RMS before (cm)", "RMS after (cm)",
+    ]  # fmt: skip
+    return Table(heads, lines, ["word", "word", *["number"] * 8])
+
+
+def _rejected(own: OwnFlight) -> Table:
+    lines = [
+        (
+            face.strip, *(number(x, 1) for x in face.centroid),
+            number(CM * face.misfit_m, 1), number(CM * face.limit_m, 1),
+        )
+        for face in own.rejected
+    ]  # fmt: skip
+    heads = ["strip", "east (m)", "north (m)", "up (m)", "misses by (cm)", "limit (cm)"]
+    return Table(heads, lines, ["word", *["number"] * 5])
+
+
+def _reliability(own: OwnFlight) -> Table | None:
+    """Of each plane, the view in which a gross error hides best: how much of it shows, how large it
+    must be to be found, and how far it turns the boresight if it is not."""
+    views = own.result.reliability
+    if views is None:
+        return None
+    lines = []
+    for plane in np.argsort(-views.of_planes()):
+        of_plane = np.flatnonzero(views.plane == plane)
+        worst = of_plane[np.argmax(views.detectable[of_plane])]
+        turned = np.degrees(np.abs(views.turns[worst]))
+        lines.append(
+            (
+                str(plane), views.strip[worst], number(100 * views.redundancy[worst], 2),
+                number(CM * views.detectable[worst], 1), *(number(angle, 4) for angle in turned),
+                number(np.abs(views.standardised[of_plane]).max(), 1),
+            )
+        )  # fmt: skip
+    heads = [
+        "plane", "weakest in", "redundancy (%)", "detectable (cm)",
+        *(f"turns {SYMBOLS[angle]} (°)" for angle in ANGLES), "largest bias (σ)",
+    ]  # fmt: skip
+    return Table(heads, lines, ["word", "word", *["number"] * 6])
+
+
+def _noise(own: OwnFlight) -> Table | None:
+    """What the data say of the specifications, where scenario D asked them."""
+    factors = own.result.components
+    if factors is None:
+        return None
+    navigation, scanner = own.survey.navigation, own.survey.scanner
+    tau = navigation.correlation_time
+    east, north, up = (number(CM * sigma, 1) for sigma in navigation.position_sigma)
+    roll, pitch, heading = (number(np.degrees(sigma), 3) for sigma in navigation.attitude_sigma)
+    specified = {
+        "horizontal": f"{east}, {north} cm", "height": f"{up} cm",
+        "roll_pitch": f"{roll}, {pitch}°", "heading": f"{heading}°",
+    }  # fmt: skip
+    laser = f"{number(CM * scanner.range_sigma, 1)} cm"
+    lines = [("laser range", laser, number(factors["range"], 2), "", "")]
+    lines += [
+        (
+            name.replace("_", ", "), words, number(factors[name], 2),
+            number(tau * factors[f"{name}_time"], 0), number(factors[f"{name}_fast"], 2),
+        )
+        for name, words in specified.items()
+    ]  # fmt: skip
+    for name, key in (("surface of a view", "surface_m"), ("roughness", "roughness_m")):
+        lines.append((name, "", f"{number(CM * factors[key], 2)} cm", "", ""))
+    heads = ["σ of", "specified", "factor found", "lasting (s)", "share of a second's errors"]
+    return Table(heads, lines, ["word", "word", "number", "number", "number"])

@@ -1,9 +1,8 @@
-"""Two pages, each one HTML file that needs nothing else: the reproduction's report, made from what
-lies in the folder of figures, and that of an operator's calibration, made from its result.
+"""Pages of HTML that need nothing else: what they are made of, and the report on a reproduction.
 
-The first reads ``claims.csv`` (the ledger), ``rows.csv``, the tables, the pictures and, for
-durations, the executed notebooks; what is missing is named on the page. The second is given its
-pictures.
+The report is made from what lies in the folder of figures: ``claims.csv`` (the ledger),
+``rows.csv``, the tables, the pictures, the cloud that can be turned and, for durations, the
+executed notebooks; what is missing is named on the page.
 """
 
 import base64
@@ -12,8 +11,8 @@ import json
 import os
 import platform
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import jinja2
@@ -24,37 +23,25 @@ from PIL import Image
 from paperrepro import __version__
 from paperrepro._files import write_text
 from paperrepro.errors import BadInput
-from paperrepro.flight.calibrate import OwnFlight
-from paperrepro.frames import ANGLES
-from paperrepro.method.accuracy import median_ratio, rmse
-from paperrepro.method.adjustment.observability import AXIS_WORDS
+from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS
 from paperrepro.paper.artefacts import ARTEFACTS, Artefact, Values, caption
 from paperrepro.paper.claims import HEADLINES
-from paperrepro.paper.numbers import SYMBOLS, cells, heading, number, worded
-from paperrepro.paper.verdicts import COLUMNS, CONDITIONS, FAILS, HOLDS, UNTESTED
+from paperrepro.paper.numbers import cells, heading, number, worded
+from paperrepro.paper.verdicts import COLUMNS, CONDITIONS, FAILS, HOLDS, OURS, UNTESTED
 from paperrepro.study.environment import package_versions
 from paperrepro.study.rows import SurveyKey, frame
-from paperrepro.study.statistics import TWO_SIDED
 
 NAME = "report.html"
-CM = 100.0
 #: Verdicts of the ledger in their order, with the class of their chip.
 CHIPS = {HOLDS: "holds", CONDITIONS: "partly", FAILS: "fails", UNTESTED: "untested"}
-#: A larger SVG is shown as PNG: pictures of many points are heavy as vectors.
-LARGEST_SVG_BYTES = 60_000
-#: Pixels across an embedded picture.
-WIDEST_PNG = 1400
-#: Pictures are drawn 88 or 180 mm wide and shown a quarter larger than that.
-PIXELS_PER_PNG_PIXEL = 1.25 * 96 / 200
-PIXELS_PER_POINT = 1.25 * 96 / 72
-#: What a reader is told of a scenario, in a few words.
-SCENARIOS = {
-    "SL": "boresight and planes, points on planes (Skaloud and Lichti 2006)",
-    "A": "boresight, centroids on the planes of reference strips",
-    "B": "boresight and range offsets, points and centroids on the planes of reference strips",
-    "C": "boresight, range offsets and planes, points and centroids on planes",
-    "D": "boresight, range offsets, planes and the error of the trajectory over time",
-}
+#: What stands at the top, and what can be turned beside the picture of an artefact.
+FIRST, TURNED = ("fig07", "errors_against_sigmas"), "fig09"
+#: Pictures are drawn for print, 88 or 180 mm wide at 300 dpi, and shown a quarter larger than that
+#: with so many pixels for each of the page's.
+SHOWN, PIXELS = 1.25 * 96, 1.3
+#: A table's columns that lead, after those that name the line; those that are shares.
+LEADING = ("truth_deg", "estimate_deg", "error_deg")
+SHARES = ("coverage", "rmse_left", "mean_left")
 
 
 @dataclass(frozen=True)
@@ -70,9 +57,8 @@ class Picture:
     caption: str = ""
 
     @classmethod
-    def of(cls, data: bytes, size: tuple[float, float], **words: str) -> "Picture":
-        """From an SVG or PNG."""
-        kind = "png" if data.startswith(b"\x89PNG") else "svg+xml"
+    def of(cls, data: bytes, kind: str, size: tuple[float, float], **words: str) -> "Picture":
+        """From the bytes of an image of that ``kind``, "svg+xml" or "webp"."""
         uri = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
         return cls(uri, round(size[0]), round(size[1]), **words)
 
@@ -80,15 +66,29 @@ class Picture:
 @dataclass(frozen=True)
 class Table:
     """``heads``, ``lines`` of texts, and of each column the class by which the page sets it:
-    ``number``, ``word`` or ``long``."""
+    ``number``, ``word`` or ``long``; ``bands`` head the lines from a number on."""
 
     heads: list[str]
     lines: list[tuple[str, ...]]
     classes: list[str]
+    bands: Mapping[int, str] = field(default_factory=dict)
 
     @classmethod
     def of(cls, table: pd.DataFrame) -> "Table":
-        """From a table whose columns are named as `numbers` knows them."""
+        """From a table whose columns are named as `numbers` knows them: shares as percent, truth,
+        estimate and error first, lines of one preset under its name."""
+        bands = {}
+        if "preset" in table:
+            preset = table.pop("preset")
+            bands = {k: f"preset {preset[k]}" for k in preset.index[preset != preset.shift()]}
+        shares = [name for name in SHARES if name in table]
+        shares += ["paper"] if shares and "paper" in table else []
+        table = table.assign(**{name: 100 * table[name] for name in shares})
+        table = table.rename(columns={name: f"{name}_percent" for name in shares})
+        leading = [name for name in LEADING if name in table]
+        keys = list(table.select_dtypes(exclude="number"))
+        order = [*keys, *leading] if leading else []
+        table = table[[*order, *(name for name in table if name not in order)]]
         columns = [cells(table[name]) for name in table]
         classes = [
             "number" if pd.api.types.is_numeric_dtype(table[name])
@@ -96,19 +96,19 @@ class Table:
             for name, texts in zip(table, columns, strict=True)
         ]  # fmt: skip
         heads = [heading(name) for name in table]
-        return cls(heads, list(zip(*columns, strict=True)), classes)
+        return cls(heads, list(zip(*columns, strict=True)), classes, bands)
 
 
-def _render(template: str, **content) -> str:
-    """A page; its style and what both pages share come from ``base.html``."""
+def render(template: str, **content) -> str:
+    """A page; its style and what all pages share come from ``base.html``."""
     here = Path(__file__).parent
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(here), autoescape=True, undefined=jinja2.StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     environment.filters["number"] = number
-    css = (here / "report.css").read_text(encoding="utf-8")
-    return environment.get_template(template).render(css=css, version=__version__, **content)
+    files = {name: (here / f"report.{name}").read_text(encoding="utf-8") for name in ("css", "js")}
+    return environment.get_template(template).render(**files, version=__version__, **content)
 
 
 # The report on a reproduction
@@ -124,6 +124,11 @@ class Item:
     picture: Picture | None
     table: Table | None
     files: list[str]
+
+    @property
+    def wide(self) -> bool:
+        """Whether it takes both columns of the page."""
+        return self.picture.width > 500 if self.picture else bool(self.table)
 
 
 def write(folder: str | Path, run: SurveyKey) -> Path:
@@ -153,21 +158,28 @@ def page(folder: Path, run: SurveyKey) -> str:
     claims = _claims(folder)
     values = Values.of(rows, run)
     items = [_item(folder, artefact, values, claims) for artefact in ARTEFACTS]
-    unlisted = [_item(folder, artefact, values, claims) for artefact in _unlisted(folder)]
-    headlines = [claim for claim in claims if claim["id"] in HEADLINES]
-    others = [claim for claim in claims if claim["id"] not in HEADLINES]
-    given = [claim["verdict"] for claim in claims]
-    return _render(
+    items += [_item(folder, artefact, values, claims) for artefact in _unlisted(folder)]
+    headlines = [claim for claim in claims if claim["id"] in HEADLINES] or claims
+    others = [claim for claim in claims if claim not in headlines]
+    further = [item for item in items if not item.artefact.place]
+    return render(
         "report_template.html",
+        sentences=[*_rmse_sentence(values), *_sigma_sentences(folder)],
+        first=[item for item in items if item.artefact.name in FIRST and item.picture],
+        counts=_by_kind(claims),
         claims=claims,
-        headlines=headlines or claims,
-        others=others if headlines else [],
-        verdicts={name: given.count(name) for name in dict.fromkeys([*CHIPS, *given])},
+        headlines=headlines,
+        others=_by_kind(others),
         chip=CHIPS,
         tables=[item for item in items if item.artefact.name.startswith("table")],
         figures=[item for item in items if item.artefact.place.startswith("Fig.")],
-        further=[item for item in items if not item.artefact.place] + unlisted,
+        further={
+            name: [item for item in further if item.artefact.notebook == name]
+            for name in dict.fromkeys(item.artefact.notebook for item in further)
+        },
         missing=[item.artefact for item in items if not (item.picture or item.table)],
+        turned=TURNED,
+        cloud=_cloud(folder / f"{TURNED}_cloud.npz"),
         run=run,
         foreign=len(rows) - len(values.own(rows, run)),
         machine={
@@ -177,7 +189,49 @@ def page(folder: Path, run: SurveyKey) -> str:
         },
         packages=package_versions(),
         durations=_durations(folder),
+        executed={path.stem for path in folder.glob("executed/*.html")},
     )
+
+
+def _rmse_sentence(values: Values) -> list[str]:
+    """What calibration made of the cloud of this run; empty if rows lack it."""
+    keys = {"before": "fig07/before/rmse_reference", "truth": "fig07/truth/rmse_reference"}
+    keys |= {s: f"fig07/{s}/rmse_reference_calibration" for s in ("SL", "A", "B", "C", "D")}
+    if not all(key in values for key in keys.values()):
+        return []
+    shown = {s: f"{values[key]:cm}" for s, key in keys.items()}
+    after = _listed({s: text for s, text in shown.items() if s not in ("before", "truth")})
+    return [
+        f"The RMSE of roof points against the airborne reference falls from {shown['before']} to "
+        f"{after}; the true mounting leaves {shown['truth']}."
+    ]
+
+
+def _sigma_sentences(folder: Path) -> list[str]:
+    """How large the boresight's errors are over many surveys, and how often intervals hold it; of
+    what the picture beside shows."""
+    path = folder / f"{FIRST[1]}.csv"
+    if not path.exists():
+        return []
+    table = pd.read_csv(path)
+    table = table[table.scenario.isin(SCENARIO_COLOURS)]
+    names = dict.fromkeys(sorted(table.scenario, key=list(SCENARIO_COLOURS).index))
+    mean = table.groupby("scenario")[["error_deg", "held"]].mean()
+    errors = {s: f"{number(mean.error_deg[s], 3)}°" for s in names}
+    held = {s: f"{number(100 * mean.held[s], 0)}\u00a0%" for s in names}
+    return [
+        f"Over {table.seed.nunique()} surveys the boresight, three angles together, is wrong by "
+        f"{_listed(errors)} on average.",
+        f"The 95\u00a0% intervals that the σ promise hold a true angle in {_listed(held)} of the "
+        "cases.",
+    ]
+
+
+def _listed(texts: Mapping[str, str]) -> str:
+    """ "0.1 ([11]), 0.2 (A) and 0.3 (D, ours)"."""
+    called = {"SL": "[11]", "D": "D, ours"}
+    *most, last = (f"{text} ({called.get(s, s)})" for s, text in texts.items())
+    return f"{', '.join(most)} and {last}"
 
 
 def _claims(folder: Path) -> list[dict]:
@@ -198,15 +252,26 @@ def _claim(line: dict) -> dict:
     shown = {k: worded(line[k], line["unit"]) for k in ("paper", "measured", "low", "high")}
     low, high = shown["low"], shown["high"]
     span = f"{low} to {high}" if low and high and low != high else ""
-    return {**line, **shown, "span": span}
+    seeds = line["seeds"] if line["seeds"].strip("0") else "–"
+    return {**line, **shown, "span": span, "seeds": seeds}
+
+
+def _by_kind(claims: list[dict]) -> dict[str, dict[str, list[dict]]]:
+    """Claims by whose they are, the paper's first, and by verdict in the order of `CHIPS`."""
+    kinds = {"Claims of the paper": [c for c in claims if c["kind"] != OURS]}
+    kinds["Claims of ours"] = [c for c in claims if c["kind"] == OURS]
+    names = dict.fromkeys([*CHIPS, *(c["verdict"] for c in claims)])
+    return {
+        kind: {name: [c for c in of_kind if c["verdict"] == name] for name in names}
+        for kind, of_kind in kinds.items()
+        if of_kind
+    }
 
 
 def _item(folder: Path, artefact: Artefact, values: Values, claims: list[dict]) -> Item:
     picture = _picture(folder, artefact.name)
     path = folder / f"{artefact.name}.csv"
     table = None if picture or not path.exists() else pd.read_csv(path)
-    if table is not None and "preset" in table:
-        table.insert(0, "preset", table.pop("preset"))
     names = [f"{artefact.name}.{kind}" for kind in ("csv", "svg", "png")]
     place = re.compile(rf"{re.escape(artefact.place)}(?!\d)")
     return Item(
@@ -230,30 +295,42 @@ def _unlisted(folder: Path) -> list[Artefact]:
 
 
 def _picture(folder: Path, name: str) -> Picture | None:
-    """SVG if it is light, else PNG."""
-    svg, png = (folder / f"{name}.{kind}" for kind in ("svg", "png"))
-    if svg.exists() and (not png.exists() or svg.stat().st_size <= LARGEST_SVG_BYTES):
-        data = svg.read_bytes()
-        box = re.search(rb'viewBox="0 0 ([\d.]+) ([\d.]+)"', data)  # points, as matplotlib writes
-        sides = [float(side) * PIXELS_PER_POINT for side in box.groups()] if box else (850, 400)
-        return Picture.of(data, sides)
-    if png.exists():
-        with Image.open(png) as picture:
-            size = [side * PIXELS_PER_PNG_PIXEL for side in picture.size]
-            return Picture.of(_light_png(picture), size)
-    return None
+    """The lightest form of a picture as sharp screens show it, see `PIXELS`: few colours without
+    loss, as lines and letters want it, or many with a loss that nobody sees, as clouds do."""
+    path = folder / f"{name}.png"
+    if not path.exists():
+        return None
+    with Image.open(path) as picture:
+        inches = [side / picture.info.get("dpi", (300, 300))[0] for side in picture.size]
+        size = [SHOWN * side for side in inches]
+        pixels = [round(PIXELS * side) for side in size]
+        picture = picture.convert("RGB").resize(pixels, Image.Resampling.LANCZOS)
+    few = picture.quantize(64, dither=Image.Dither.NONE).convert("RGB")
+    forms = [_webp(few, lossless=True), _webp(picture, quality=75, use_sharp_yuv=True)]
+    return Picture.of(min(forms, key=len), "webp", size)
 
 
-def _light_png(picture: Image.Image) -> bytes:
-    """The picture with as many pixels as a sharp screen shows and a palette of 256 colours: a third
-    of the bytes, which the page would else spend on print resolution."""
-    picture = picture.convert("RGB")
-    if picture.width > WIDEST_PNG:
-        height = round(picture.height * WIDEST_PNG / picture.width)
-        picture = picture.resize((WIDEST_PNG, height), Image.Resampling.LANCZOS)
-    light = io.BytesIO()
-    picture.quantize(256, dither=Image.Dither.NONE).save(light, "PNG", optimize=True)
-    return light.getvalue()
+def _webp(picture: Image.Image, **how) -> bytes:
+    file = io.BytesIO()
+    picture.save(file, "WEBP", method=6, **how)
+    return file.getvalue()
+
+
+def _cloud(path: Path) -> dict | None:
+    """What `paperrepro.figures.survey.save_cloud` wrote, packed for the page: positions after in
+    centimetres, those before as steps from there, strips."""
+    if not path.exists():
+        return None
+    with np.load(path) as file:
+        before, after, strip, names = (file[k] for k in ("before_cm", "after_cm", "strip", "names"))
+    shift = before - after.astype(int)
+    step = max(np.abs(shift).max() / 127, 1e-6)
+    packed = [after.astype("<i2"), np.rint(shift / step).astype("i1"), strip.astype("u1")]
+    data = b"".join(part.tobytes() for part in packed)
+    return {
+        "points": len(after), "step": f"{step:.4g}", "data": base64.b64encode(data).decode(),
+        "colours": {name: STRIP_COLOURS[name] for name in names.tolist()},
+    }  # fmt: skip
 
 
 def _durations(folder: Path) -> dict[str, float]:
@@ -262,175 +339,5 @@ def _durations(folder: Path) -> dict[str, float]:
     for path in sorted((folder / "executed").glob("*.ipynb")):
         spent = json.loads(path.read_text(encoding="utf-8"))["metadata"].get("papermill", {})
         if spent.get("duration") is not None:
-            seconds[path.name] = spent["duration"]
+            seconds[path.stem] = spent["duration"]
     return seconds
-
-
-# The report on an operator's calibration
-
-
-def calibration_page(
-    own: OwnFlight, pictures: Mapping[str, Picture], files: Mapping[str, str], notes: Iterable[str]
-) -> str:
-    """The report as text.
-
-    Parameters
-    ----------
-    own : OwnFlight
-        What `paperrepro.calibrate_flight` gives.
-    pictures : mapping of str to Picture
-        As `paperrepro.figures.flight.pictures` draws them.
-    files, notes
-        The files that were read, by what they are; sentences on the reading.
-    """
-    result, scanner = own.result, own.survey.scanner
-    return _render(
-        "calibration_template.html",
-        own=own, result=result, seen=result.observability, scenario_words=SCENARIOS,
-        reasons=str(result.observability).split("; ")[2:], strips=len(own.survey.strips),
-        scanner=scanner.name, navigation=own.survey.navigation.name, pictures=pictures,
-        files=files, notes=[*notes, *own.remarks], angles=_angles(own),
-        offsets=_offsets(own), pairs=_pairs(own), planes=_planes(own), rejected=_rejected(own),
-        noise=_noise(own), weak=_reliability(own), cm=CM, ratio=median_ratio(own.distances),
-        passes=np.degrees(own.boresights),
-    )  # fmt: skip
-
-
-def _angles(own: OwnFlight) -> Table:
-    result, lasting = own.result, own.result.observability.lasting_sigma
-    lines = []
-    for k, (angle, axis) in enumerate(zip(ANGLES, AXIS_WORDS, strict=True)):
-        value, sigma = np.degrees(result.boresight[k]), np.degrees(result.sigma[k])
-        ends = [number(value + way * TWO_SIDED * sigma, 4) for way in (-1, 1)]
-        lines.append(
-            (
-                f"{SYMBOLS[angle]} ({axis})", number(value, 4), number(sigma, 4),
-                f"{ends[0]} to {ends[1]}",
-                "" if lasting is None else number(np.degrees(lasting[k]), 4),
-                "no" if axis in result.observability.undetermined else "yes",
-            )
-        )  # fmt: skip
-    heads = [
-        "angle", "estimate (°)", "σ (°)", "95 % interval (°)",
-        "σ under lasting trajectory errors (°)", "determined",
-    ]  # fmt: skip
-    return Table(heads, lines, ["word", *["number"] * 4, "word"])
-
-
-def _offsets(own: OwnFlight) -> Table | None:
-    result = own.result
-    if result.range_offsets is None:
-        return None
-    elevation = np.degrees(own.survey.scanner.beam_elevations)
-    both = zip(result.range_offsets, result.sigma_offsets, strict=False)
-    lines = [
-        (str(ring), *(number(v, 2) for v in (elevation[ring], CM * offset, CM * sigma)))
-        for ring, (offset, sigma) in enumerate(both)
-    ]
-    return Table(["ring", "elevation (°)", "range offset (cm)", "σ (cm)"], lines, ["number"] * 4)
-
-
-def _pairs(own: OwnFlight) -> Table:
-    lines = []
-    for pair in own.distances:
-        both = (pair.before, pair.after)
-        rms, middle = [rmse(d) for d in both], [np.median(np.abs(d)) for d in both]
-        lines.append(
-            (
-                f"{pair.first} – {pair.second}", number(100 * pair.overlap, 0),
-                number(len(pair.before)), *(number(CM * value, 1) for value in (*rms, *middle)),
-            )
-        )  # fmt: skip
-    heads = [
-        "strips", "overlap (%)", "points", "RMS before (cm)", "RMS after (cm)",
-        "median |d| before (cm)", "median |d| after (cm)",
-    ]  # fmt: skip
-    return Table(heads, lines, ["word", *["number"] * 6])
-
-
-def _planes(own: OwnFlight) -> Table:
-    """The planes of the result: how they lie, who sees them, how well their points fit."""
-    result, ties = own.result, own.tie_planes
-    middle = ties.plane_states(result.calibrated).centroid
-    lines = []
-    for k, plane in enumerate(result.planes):
-        slope = np.degrees(np.arccos(np.clip(plane[2], -1, 1)))
-        azimuth = np.degrees(np.arctan2(plane[0], plane[1])) % 360
-        lines.append(
-            (
-                str(k), ", ".join(np.array(ties.strips)[ties.plane == k]),
-                number(result.points_per_plane[k]), number(slope, 1),
-                number(azimuth, 0) if slope > 1 else "", *(number(x, 1) for x in middle[k]),
-                number(CM * result.rms_before[k], 1), number(CM * result.rms_after[k], 1),
-            )
-        )  # fmt: skip
-    heads = [
-        "plane", "seen in", "points", "slope (°)", "faces (° from north)", "east (m)",
-        "north (m)", "up (m)", "RMS before (cm)", "RMS after (cm)",
-    ]  # fmt: skip
-    return Table(heads, lines, ["word", "word", *["number"] * 8])
-
-
-def _rejected(own: OwnFlight) -> Table:
-    lines = [
-        (
-            face.strip, *(number(x, 1) for x in face.centroid),
-            number(CM * face.misfit_m, 1), number(CM * face.limit_m, 1),
-        )
-        for face in own.rejected
-    ]  # fmt: skip
-    heads = ["strip", "east (m)", "north (m)", "up (m)", "misses by (cm)", "limit (cm)"]
-    return Table(heads, lines, ["word", *["number"] * 5])
-
-
-def _reliability(own: OwnFlight) -> Table | None:
-    """Of each plane, the view in which a gross error hides best: how much of it shows, how large it
-    must be to be found, and how far it turns the boresight if it is not."""
-    views = own.result.reliability
-    if views is None:
-        return None
-    lines = []
-    for plane in np.argsort(-views.of_planes()):
-        of_plane = np.flatnonzero(views.plane == plane)
-        worst = of_plane[np.argmax(views.detectable[of_plane])]
-        turned = np.degrees(np.abs(views.turns[worst]))
-        lines.append(
-            (
-                str(plane), views.strip[worst], number(100 * views.redundancy[worst], 2),
-                number(CM * views.detectable[worst], 1), *(number(angle, 4) for angle in turned),
-                number(np.abs(views.standardised[of_plane]).max(), 1),
-            )
-        )  # fmt: skip
-    heads = [
-        "plane", "weakest in", "redundancy (%)", "detectable (cm)",
-        *(f"turns {SYMBOLS[angle]} (°)" for angle in ANGLES), "largest bias (σ)",
-    ]  # fmt: skip
-    return Table(heads, lines, ["word", "word", *["number"] * 6])
-
-
-def _noise(own: OwnFlight) -> Table | None:
-    """What the data say of the specifications, where scenario D asked them."""
-    factors = own.result.components
-    if factors is None:
-        return None
-    navigation, scanner = own.survey.navigation, own.survey.scanner
-    tau = navigation.correlation_time
-    east, north, up = (number(CM * sigma, 1) for sigma in navigation.position_sigma)
-    roll, pitch, heading = (number(np.degrees(sigma), 3) for sigma in navigation.attitude_sigma)
-    specified = {
-        "horizontal": f"{east}, {north} cm", "height": f"{up} cm",
-        "roll_pitch": f"{roll}, {pitch}°", "heading": f"{heading}°",
-    }  # fmt: skip
-    laser = f"{number(CM * scanner.range_sigma, 1)} cm"
-    lines = [("laser range", laser, number(factors["range"], 2), "", "")]
-    lines += [
-        (
-            name.replace("_", ", "), words, number(factors[name], 2),
-            number(tau * factors[f"{name}_time"], 0), number(factors[f"{name}_fast"], 2),
-        )
-        for name, words in specified.items()
-    ]  # fmt: skip
-    for name, key in (("surface of a view", "surface_m"), ("roughness", "roughness_m")):
-        lines.append((name, "", f"{number(CM * factors[key], 2)} cm", "", ""))
-    heads = ["σ of", "specified", "factor found", "lasting (s)", "share of a second's errors"]
-    return Table(heads, lines, ["word", "word", "number", "number", "number"])

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from paperrepro.figures import GROUND, SCENARIO_COLOURS, thinned
+from paperrepro.figures.survey import upright
 from paperrepro.method.roofs import Gable, Roofs
 
 #: Filters that a point can fall out at, in the order of drawing: colour, size and words.
@@ -101,14 +102,7 @@ def gable_in_perspective(ax, p_m: np.ndarray, roofs: Roofs, gable: Gable) -> Axe
     ax.view_init(elev=30, azim=np.degrees(np.arctan2(*gable.ridge[1::-1])) + 198)
     both = np.concatenate([roofs.faces[face].points for face in (gable.left, gable.right)])
     ax.set_box_aspect(np.ptp(p_m[both], axis=0), zoom=1.2)
-    ax.set(xlabel="east (m)", ylabel="north (m)", zlabel="up (m)")
-    ax.locator_params(nbins=4)
-    low, high = np.percentile(p_m[both, 2], [1, 99])
-    ax.set_zticks(np.unique(np.round([low, high])))
-    ax.grid(False)
-    ax.tick_params(pad=-2)
-    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
-        axis.labelpad = -4
+    upright(ax, *np.percentile(p_m[both, 2], [1, 99]))
     return ax
 
 
@@ -170,7 +164,8 @@ def pair_distances(ax: Axes, table: pd.DataFrame, limits: dict[str, tuple[float,
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_formatter("{x:g}")
     ax.set(xlabel="distance of the gables (m)", ylabel="inclination of the normals (°)")
-    ax.legend()
+    ax.plot([], [], color="#4d4d4d", lw=0.8, ls=(0, (4, 2)), label="thresholds")
+    ax.figure.legend(loc="outside lower center", ncols=3)
     return ax
 
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS, canvas, scenario_name
+from paperrepro.figures import SCENARIO_COLOURS, canvas, scenario_name
 from paperrepro.paper.verdicts import CONDITIONS, FAILS, HOLDS, UNTESTED
 from paperrepro.study.rows import FOUND
 from paperrepro.study.statistics import (
@@ -50,9 +50,10 @@ def errors(surveys: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     for axes, (name, part) in zip(panels, _by_setting(table), strict=False):
         for ax, quantity in zip(axes, columns, strict=True):
             curves(ax, part, quantity, 100 if quantity == "held" else 1)
-        axes[0].set_ylabel(f"{name}\nboresight error (°)")
+        _titles(axes, f"error{name}", "formal σ", "coverage")
+        axes[0].set_ylabel("boresight error (°)")
         axes[1].set_ylabel("formal σ (°)")
-        axes[2].set_ylabel("coverage of 95 % intervals (%)")
+        axes[2].set_ylabel("95 % intervals that hold the truth (%)")
         axes[2].axhline(100 * CONFIDENCE, color="#4d4d4d", lw=0.6, ls="--")
         axes[2].set_ylim(0, 104)
         axes[1].sharey(axes[0])
@@ -67,8 +68,8 @@ def offsets(surveys: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
     for axes, (name, part) in zip(panels, _by_setting(table), strict=False):
         for ax, quantity in zip(axes, OFFSETS, strict=True):
             curves(ax, part, quantity, 100)
-        axes[0].set_ylabel(f"{name}\noffset from the reference (cm)")
-        axes[1].set_ylabel("offset from the true planes (cm)")
+        _titles(axes, f"from the reference{name}", "from the true planes")
+        axes[0].set_ylabel("mean vertical offset (cm)")
     _legend(figure, panels)
     return figure, table
 
@@ -82,7 +83,8 @@ def beaten(surveys: pd.DataFrame) -> tuple[Figure, pd.DataFrame]:
         curves(axes[0], part, "beats_sl", 100)
         axes[0].axhline(50, color="#4d4d4d", lw=0.6, ls="--")
         axes[0].set_ylim(-2, 102)
-        axes[0].set_ylabel(f"{name}\nsurveys in which [11] is beaten (%)")
+        _titles(axes, f"[11] is beaten{name}")
+        axes[0].set_ylabel("surveys (%)")
     _legend(figure, panels)
     return figure, table
 
@@ -103,6 +105,14 @@ def _panels(table: pd.DataFrame, columns: int) -> tuple[Figure, np.ndarray]:
     return canvas("double", 8 + 58 * rows, nrows=rows, ncols=columns, squeeze=False)
 
 
+def _titles(axes: np.ndarray, *words: str) -> None:
+    """A letter, counted over the figure's panels, and words over each of ``axes``."""
+    panels = axes[0].figure.axes
+    for ax, title in zip(axes, words, strict=True):
+        letter = f"({'abcdefghijkl'[panels.index(ax)]}) " if len(panels) > 1 else ""
+        ax.set_title(letter + title)
+
+
 def _legend(figure: Figure, panels: np.ndarray) -> None:
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=max(len(labels), 1))
@@ -114,9 +124,11 @@ def _drawn(table: pd.DataFrame) -> list[str]:
 
 
 def _by_setting(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Its parts by setting, each with words on it, empty if there is but one."""
     names = list(table.columns[: table.columns.get_loc("noise_scale")])
-    for key, part in table.groupby(names):
-        yield ", ".join(map(str, key)), part
+    groups = table.groupby(names)
+    for key, part in groups:
+        yield f": {', '.join(map(str, key))}" if len(groups) > 1 else "", part
 
 
 def kinds(table: pd.DataFrame) -> Figure:
@@ -182,8 +194,11 @@ def errors_against_sigmas(ax: Axes, table: pd.DataFrame) -> Axes:
         ax.plot(rows.sigma_deg, rows.error_deg, "o", ms=3, mew=0, alpha=0.75,
                 color=SCENARIO_COLOURS[name], label=scenario_name(name))  # fmt: skip
     ax.set(xscale="log", yscale="log", xlim=x, ylim=y)
-    ax.set_xlabel("formal σ of the three angles together (°)")
-    ax.set_ylabel("error of the three angles together (°)")
+    ax.set_xlabel("formal σ, three angles together (°)")
+    ax.set_ylabel("error, three angles together (°)")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_formatter("{x:g}")
+    ax.figure.legend(loc="outside lower center", ncols=3)
     return ax
 
 
@@ -213,11 +228,17 @@ STAGES = {
 }
 
 
+#: No strip's and no scenario's.
+STAGE_COLOURS = (
+    "#4e79a7", "#f28e2b", "#e15759", "#76b7b2", "#59a14f", "#b6992d", "#b07aa1", "#79706e",
+)  # fmt: skip
+
+
 def time_against_points(rows: pd.DataFrame) -> Figure:
     """Log-log plot of ``rows`` with ``stage``, ``points``, ``seconds``, ``peer``, ``peer_seconds``;
     peers dashed, and a line of slope one to compare with."""
-    figure, ax = canvas("double", 90, layout="constrained")
-    for (stage, peer), colour in zip(STAGES.items(), STRIP_COLOURS.values(), strict=True):
+    figure, ax = canvas("double", 90)
+    for (stage, peer), colour in zip(STAGES.items(), STAGE_COLOURS, strict=True):
         of_stage = rows[rows.stage == stage].sort_values("points")
         ours = of_stage.drop_duplicates("points")
         if len(ours):

@@ -1,16 +1,20 @@
 """The site, the flight and the clouds, as plans, sections, perspectives and time series."""
 
+from pathlib import Path
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.colors import to_rgb
+from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
-from paperrepro.figures import ACCENT, AXIS_COLOURS, GROUND, OBJECT, STRIP_COLOURS, thinned
+from paperrepro._files import require_folder, whole_file
+from paperrepro.figures import ACCENT, GROUND, OBJECT, STRIP_COLOURS, thinned
 from paperrepro.method.accuracy import density_across
 from paperrepro.method.cells import inside
 
@@ -28,8 +32,12 @@ KINDS = {
     "TRUNK": ("#6b4f2a", "trunk"),
     "DUST": ("#e6007e", "dust"),
 }
-ON_PLAN = ("FENCE", "WIRE", "SHED_ROOF", "GABLE_ROOF", "DORMER", "LEAF")
+ON_PLAN = ("SHED_ROOF", "GABLE_ROOF", "DORMER", "LEAF")
+ALONG_LINES = {"FENCE": (0, (1, 1)), "WIRE": "-"}
 COMPONENTS = ("east", "north", "up", "roll", "pitch", "heading")
+#: Weights of a triangle's corners that spread points over it; shares along a line.
+_CORNERS = np.array([(i, j, 4 - i - j) for i in range(5) for j in range(5 - i)]) / 4
+_ALONG = np.linspace(0, 1, 40)
 #: Where the sun stands that shades roofs: north-west, 45 degrees high.
 _SUN = np.array([-0.5, 0.5, np.sqrt(0.5)])
 
@@ -48,10 +56,16 @@ def plan(ax: Axes, triangles: dict[str, np.ndarray], lines, extent_m=(118.0, 82.
     ax.figure.colorbar(heights, ax=ax, label="ground height (m)", shrink=0.55, pad=0.01)
     for name in ON_PLAN:
         _shaded(ax, triangles[name], KINDS[name][0])
-    for line in lines:
-        _flight_line(ax, line)
-    _plan_axes(ax, extent_m)
     handles = [Patch(color=KINDS[name][0], label=KINDS[name][1]) for name in ON_PLAN]
+    for name, style in ALONG_LINES.items():  # thinner than a pixel as they are
+        p_m = triangles[name].reshape(-1, 3)
+        ends = p_m[[np.argmin(p_m[:, 0]), np.argmax(p_m[:, 0])], :2]
+        handles += ax.plot(*ends.T, color=KINDS[name][0], ls=style, lw=1.1, label=KINDS[name][1])
+    taken = np.concatenate([_CORNERS @ triangles[name][..., :2] for name in ON_PLAN]).reshape(-1, 2)
+    tracks = [line.start + t * (line.end - line.start) for line in lines for t in _ALONG]
+    for line in lines:
+        _flight_line(ax, line, np.concatenate([taken, tracks]))
+    _plan_axes(ax, extent_m)
     ax.figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     return ax
 
@@ -70,14 +84,17 @@ def _shaded(ax: Axes, triangles: np.ndarray, colour: str) -> None:
     )
 
 
-def _flight_line(ax: Axes, line) -> None:
+def _flight_line(ax: Axes, line, taken: np.ndarray) -> None:
+    """An arrow, its name behind its start where none of the ``taken`` places (N, 2) is near."""
     along = (line.end - line.start) / np.linalg.norm(line.end - line.start)
     right = 2.2 * np.array([along[1], -along[0]])
     colour = STRIP_COLOURS[line.name]
     ax.annotate("", line.end + right, line.start + right,
                 arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.3, "shrinkA": 0,
                             "shrinkB": 0, "mutation_scale": 9}, zorder=4)  # fmt: skip
-    ax.text(*(line.start + 1.6 * right - 4.5 * along), line.name, color=colour, ha="center",
+    places = line.start + 1.6 * right - np.arange(4.5, 30.0)[:, None] * along
+    free = np.linalg.norm(places[:, None] - taken, axis=2).min(axis=1) > 5.0
+    ax.text(*places[np.argmax(free)], line.name, color=colour, ha="center",
             va="center", fontweight="bold", fontsize=7.5, zorder=5,
             path_effects=[withStroke(linewidth=2, foreground="white")])  # fmt: skip
 
@@ -94,12 +111,12 @@ def trajectory_error(axes, table: pd.DataFrame, sigma: np.ndarray, spans: dict) 
     for k, (ax, name) in enumerate(zip(np.ravel(axes), COMPONENTS, strict=True)):
         scale, unit = (100.0, "cm") if k < 3 else (180 / np.pi, "°")
         ax.axhspan(-scale * sigma[k], scale * sigma[k], color="#e5e5e5", lw=0)
-        ax.plot(table.time_s, scale * table[name], color=AXIS_COLOURS[k % 3], lw=0.8)
+        ax.plot(table.time_s, scale * table[name], color="#404040", lw=0.8)
         ax.axhline(0, color="black", lw=0.5)
         for strip, (first, last) in spans.items():
             ax.plot([first, last], [0.02, 0.02], color=STRIP_COLOURS[strip], lw=3,
                     transform=ax.get_xaxis_transform(), solid_capstyle="butt")  # fmt: skip
-        ax.set_title(f"{name}, σ = {scale * sigma[k]:.3g}{' ' * (k < 3)}{unit}")
+        ax.set_title(f"({'abcdef'[k]}) {name}, σ = {scale * sigma[k]:.3g}{' ' * (k < 3)}{unit}")
         ax.set_ylabel(f"error ({unit})")
         largest = 1.15 * scale * max(table[name].abs().max(), sigma[k])
         ax.set_ylim(-largest or -1, largest or 1)
@@ -147,8 +164,10 @@ def section(ax: Axes, across_m: np.ndarray, up_m: np.ndarray, kinds: np.ndarray)
     return ax
 
 
-def heights(ax: Axes, p_m: np.ndarray, extent_m, cell_m=1.0) -> Axes:
-    """Points (N, 3) from above: the highest of every cell, white where there is none."""
+def heights(ax: Axes, p_m: np.ndarray, extent_m, limits_m=None, cell_m=1.0) -> AxesImage:
+    """Points (N, 3) from above: the highest of every cell, white where there is none, coloured
+    between ``limits_m``, by default those of 99 % of the cells; returns the image, for a colour
+    bar."""
     edges = [np.arange(-half, half + cell_m, cell_m) for half in extent_m]
     cell = [np.digitize(p_m[:, k], edges[k]) - 1 for k in (0, 1)]
     inside = np.logical_and.reduce([(cell[k] >= 0) & (cell[k] < len(edges[k]) - 1) for k in (0, 1)])
@@ -156,34 +175,56 @@ def heights(ax: Axes, p_m: np.ndarray, extent_m, cell_m=1.0) -> Axes:
     np.maximum.at(top, (cell[0][inside], cell[1][inside]), p_m[inside, 2])
     limits = [edges[0][0], edges[0][-1], edges[1][0], edges[1][-1]]
     place = {"origin": "lower", "extent": limits}
-    low, high = np.percentile(top[np.isfinite(top)], [0.5, 99.5])  # dust would stretch the colours
-    shades = plt.get_cmap("cividis", 24)  # few, so that noise does not swell the files
+    low, high = limits_m or np.percentile(top[np.isfinite(top)], [0.5, 99.5])
+    shades = plt.get_cmap("cividis", 12)  # few, so that noise does not swell the files
     image = ax.imshow(np.ma.masked_invalid(top.T), shades, vmin=low, vmax=high, **place)
-    ax.figure.colorbar(image, ax=ax, label="height (m)", shrink=0.7, pad=0.01)
     _plan_axes(ax, extent_m)
-    return ax
+    return image
 
 
-def perspective(
-    ax, p_m: np.ndarray, centre_m: np.ndarray, half_m: float, azimuth_deg=-55.0
-) -> Axes:
-    """Points (N, 3) within ``half_m`` of ``centre_m`` (2,), coloured by height. 3-D axes."""
+def perspective(ax, p_m: np.ndarray, centre_m: np.ndarray, half_m: float) -> PathCollection:
+    """Points (N, 3) within ``half_m`` of ``centre_m`` (2,), coloured by height; 3-D axes. Returns
+    the dots, for a colour bar."""
     shown = thinned(p_m[inside(p_m[:, :2], centre_m - half_m, centre_m + half_m)], 9_000)
     low, high = np.percentile(shown[:, 2], [0.5, 99.8])
     shown = shown[(shown[:, 2] >= low) & (shown[:, 2] <= high)]
-    ax.scatter(*shown.T, c=shown[:, 2], s=2, lw=0, depthshade=False, rasterized=True)
-    ax.view_init(elev=18, azim=azimuth_deg)
-    ax.set_box_aspect((2 * half_m, 2 * half_m, high - low), zoom=1.35)
+    dots = ax.scatter(*shown.T, c=shown[:, 2], s=2, lw=0, depthshade=False, rasterized=True)
+    ax.view_init(elev=18, azim=-55)
+    ax.set_box_aspect((2 * half_m, 2 * half_m, high - low), zoom=1.15)
+    upright(ax, low, high)
+    return dots
+
+
+def upright(ax, low: float, high: float) -> None:
+    """Names and few ticks for 3-D axes, ``low`` and ``high`` on the third."""
     ax.set(xlabel="east (m)", ylabel="north (m)")
     ax.locator_params(nbins=4)
-    ax.set_zticks(np.unique(np.round([low, high])))
+    ticks = np.unique(np.round([low, high]))
+    ax.set_zticks(ticks, [f"{tick:.0f} m up" for tick in ticks], ha="left")
     ax.grid(False)
-    return ax
+    ax.tick_params(pad=-2)
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.labelpad = -4
+
+
+def save_cloud(
+    folder: str | Path, name: str, before_m: np.ndarray, after_m: np.ndarray, strips: np.ndarray
+) -> None:
+    """Write ``name.npz`` for the report, which shows it turnable: points (N, 3) m under two
+    mountings, of ``strips`` (N,) by name, to the centimetre. An empty folder writes nothing."""
+    if not str(folder):
+        return
+    names, strip = np.unique(strips, return_inverse=True)
+    cm = {"before_cm": before_m, "after_cm": after_m}
+    cm = {key: np.rint(100 * p_m).astype(np.int16) for key, p_m in cm.items()}
+    require_folder(Path(folder))
+    with whole_file(Path(folder) / f"{name}.npz") as part, open(part, "wb") as file:
+        np.savez_compressed(file, names=names, strip=strip.astype(np.uint8), **cm)
 
 
 def profiles(ax: Axes, across_m: dict[str, np.ndarray], up_m: dict[str, np.ndarray]) -> Axes:
-    """Slices of several clouds in one picture, the first drawn below."""
-    colours = dict(zip(across_m, (OBJECT, ACCENT, "#009e73"), strict=False))
+    """Slices of two clouds in one picture, the first drawn below."""
+    colours = dict(zip(across_m, (OBJECT, ACCENT), strict=True))
     for name in across_m:
         shown = thinned(np.column_stack([across_m[name], up_m[name]]))
         ax.scatter(*shown.T, s=5, lw=0, color=colours[name], rasterized=True)

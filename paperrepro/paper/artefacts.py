@@ -25,7 +25,7 @@ from paperrepro.study.rows import SurveyKey
 @dataclass(frozen=True)
 class Artefact:
     """A table or picture: ``name`` of its files, what ours ``shows``, and what the ``paper`` has
-    at that place (empty for what only we show). ``notebook`` makes it."""
+    at that place (empty for what only we show). ``notebook`` makes it (empty: `make bench`)."""
 
     name: str
     title: str
@@ -45,7 +45,7 @@ _FARM, _EQUATION, _ROOFS = "01_simulated_farm", "02_lidar_equation", "03_roof_ex
 _MATCHING, _CALIBRATION = "04_matching", "05_calibration"
 _REFINEMENT, _ACCURACY = "06_refinement", "07_accuracy"
 _SWEEP, _CLAIMS, _APPLICATIONS = "08_noise_sweep", "09_claims", "10_applications"
-_OWN = "11_own_flight"
+_OWN, _START = "11_own_flight", "00_start_here"
 _REDUCED = f"{100 * RMSE_REDUCTION['C'].value:.0f}\u00a0%"
 
 #: Every table and figure, first those of the paper in its order, then ours in the notebooks' order.
@@ -70,13 +70,13 @@ ARTEFACTS = (
              "Plan of the simulated farm: houses, sheds and trees under the eight flight lines.",
              "Map of the real site, a farming area, with the lines F1-F8."),
     Artefact("fig02", "Cloud of adjusted strips", _REFINEMENT,
-             "Point cloud of adjusted strips.",
+             "Heights of one strip and of three, adjusted, without outliers.",
              "Clouds of one strip, and of three adjusted strips."),
     Artefact("fig02_section", "A slice through one strip", _FARM,
              "Section across a strip, each point coloured by what the pulse hit.",
              "Cloud of one strip."),
     Artefact("fig03", "The framework", _FARM,
-             "The steps from strips to accuracy, by the modules that take them.",
+             "The steps from strips to accuracy, with the notebook that shows each.",
              "The same framework, in seven steps."),
     Artefact("fig04", "The virtual point of a gable roof", _MATCHING,
              "A measured gable in perspective and from above, with both centroids, ridge and "
@@ -95,8 +95,9 @@ ARTEFACTS = (
              "method, D (ours) among them; a line marks what the true mounting leaves.",
              f"B and C reduce the RMSE by more than {_REDUCED}, and below that of [11]."),
     Artefact("fig08", "Distribution of the distances", _ACCURACY,
-             "Histograms of the point-to-plane distances after [11], B, C and D (ours), each with "
-             "a normal curve.",
+             "Histograms of the point-to-plane distances before and after [11], B, C and D (ours), "
+             "each with the normal curve of the same mean and σ; KS is the largest difference of "
+             "their cumulative shares.",
              f"B and C almost normal about zero; [11] leaves less than "
              f"{100 * RMSE_LEFT_BY_SL.value:.0f}\u00a0% of the RMSE."),
     Artefact("fig09", "The cloud before and after", _REFINEMENT,
@@ -105,7 +106,8 @@ ARTEFACTS = (
              "Before, a noisy cloud; after refinement most of the misalignment is gone."),
     Artefact("fig10", "A forest and a building", _APPLICATIONS,
              "A transect through a stand of trees and a house at its edge, before and after "
-             "calibration from the houses' roofs; a second simulated site.",
+             "calibration from the houses' roofs; a second simulated site. Before, each strip puts "
+             "a stem elsewhere, so more of them fall into the transect.",
              "Clouds for a forest inventory and for 3D modelling."),
     Artefact("fig11", "Vertical offsets at the virtual points", _ACCURACY,
              "Absolute height difference from the reference of every virtual point, at each step; "
@@ -113,11 +115,13 @@ ARTEFACTS = (
              f"Below {100 * OFFSET_AFTER_CALIBRATION.value:.0f} cm after calibration, below "
              f"{100 * OFFSET_AFTER_REFINEMENT.value:.0f} cm after refinement, less than [11]."),
     Artefact("trajectory_error", "Error of the trajectory", _FARM,
-             "Six curves of the trajectory's error over the mission, within grey bands of σ."),
+             "Six curves of the trajectory's error over the mission, within grey bands of σ; "
+             "coloured bars are the times of the strips F1 to F8."),
     Artefact("density", "Density across a strip", _FARM,
              "Points per square metre over the distance from the track, by strip."),
     Artefact("reference", "The airborne reference", _FARM,
-             "Plan of the reference's heights, and one roof in the reference and in a strip."),
+             "Plan of the reference's heights, and along its white line one roof in the reference "
+             "and in a strip."),
     Artefact("small_angle", "What the small-angle form neglects", _EQUATION,
              "Displacement over the boresight angle, for three ranges."),
     Artefact("error_budget", "Error budget at 30 m", _EQUATION,
@@ -125,7 +129,8 @@ ARTEFACTS = (
     Artefact("thick_roof", "A wrong boresight thickens roofs", _EQUATION,
              "Section of a roof under the nominal and the true mounting, coloured by beam."),
     Artefact("filters", "Outliers and ground", _ROOFS,
-             "Plan and section of a strip: ground, candidates for roofs, and outliers."),
+             "Plan of a strip, and a section between its dashed lines: ground, candidates for "
+             "roofs, and outliers."),
     Artefact("faces", "Faces and gables found", _ROOFS,
              "Plan of the faces found in a strip, with ridges and virtual points."),
     Artefact("extraction_sensitivity", "What Table 2's values cost", _ROOFS,
@@ -174,6 +179,12 @@ ARTEFACTS = (
              "Number of claims by verdict, the paper's and ours."),
     Artefact("ordering", "Which method is better", _CLAIMS,
              "Mean boresight error of each scenario over many surveys, with its interval."),
+    Artefact("views", "Residuals by view", _START,
+             "Mean residual of each view of a roof face after calibration by C, by strip."),
+    Artefact("benchmarks", "Time of each stage", "",
+             "Seconds over the number of points, on logarithmic scales: our stages, dashed the "
+             "peers that do the same work; dotted a microsecond a point. Medians by `make bench`, "
+             "with the machine named in benchmarks.csv."),
     Artefact("own_flight_pairs", "An operator's folder, calibrated", _OWN,
              "Distances between the strips of a simulated operator's folder, by pair of strips, "
              "before and after the calibration by D (ours)."),
@@ -183,7 +194,10 @@ ARTEFACTS = (
 CAPTIONS = {
     "table3": "Every adjustment uses the same {0[matching/last pass/planes]} planes from "
     "{0[matching/last pass/views]} views. SL stands for [11] alone, which the paper's text takes "
-    "for C, while its figures show the two apart.",
+    "for C, while its figures show the two apart. The redundancy is that of conditions over "
+    "unknowns: a plane counts three, its normal being of length 1; range offsets and, in D, the "
+    "trajectory count none, since each comes with an observation of its own (zero, or the process "
+    "that ties it to the next).",
     "table4": "The common part of all range offsets, a height that the roofs do not fix, is wrong "
     "by {0[table4/B/range_offset_common_error]:cm} in B, "
     "{0[table4/C/range_offset_common_error]:cm} in C and "

@@ -144,7 +144,10 @@ def _decimals(column: pd.Series) -> int | None:
     if whole.all() or (named is None and whole.any()):
         return None
     if named is not None:
-        return named
+        least = column[column != 0].abs().min()  # shown as more than nothing
+        return (
+            max(named, min(_digits(least, 1), named + 2)) if least < 0.5 * 10.0**-named else named
+        )
     needed = max(len(number(value).partition(".")[2]) for value in column)
     return min(needed, _digits(column.abs().max(), 4))
 

@@ -5,16 +5,22 @@ Results appear when all notebooks have run; a run that fails leaves the earlier 
 
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 import pandas as pd
-from tqdm import tqdm
 
 from paperrepro._files import written_whole
 from paperrepro.errors import BadInput
-from paperrepro.study.notebooks import OUTPUT, NotebookFailed, declared, execute, kill_kernels
+from paperrepro.study.notebooks import (
+    OUTPUT,
+    NotebookFailed,
+    as_page,
+    declared,
+    execute,
+    kill_kernels,
+)
 from paperrepro.study.rows import write_csv
 
 NOTEBOOKS = Path(__file__).resolve().parents[2] / "notebooks"
@@ -28,25 +34,24 @@ BEGIN_WITH = ("01", "05", "03", "10", "07", "11")
 
 
 def reproduce(
-    out: Path, parameters: Mapping, only: tuple[str, ...] = (), jobs: int = 1
-) -> dict[str, float]:
+    out: Path, parameters: Mapping, only: tuple[str, ...] = (), jobs: int = 1,
+    progress: Callable[[str], None] = lambda words: None,
+) -> None:  # fmt: skip
     """Execute the notebooks.
 
     Parameters
     ----------
     out : Path
-        Folder of the results. Ctrl-C ends the notebooks that run, and ``out`` is as it was.
+        Folder of the results, in it ``executed``: the notebooks as they ran, also as pages (HTML).
+        Ctrl-C ends the notebooks that run, and ``out`` is as it was.
     parameters : mapping
         Plain values by name, given to every notebook.
     only : tuple of str
         Notebooks by the start of their names; empty: all.
     jobs : int
         How many run at a time; what two of them need is computed once, the other waits for it.
-
-    Returns
-    -------
-    dict of str to float
-        The seconds each took.
+    progress : callable
+        Called with a line for each notebook that has run.
 
     Raises
     ------
@@ -58,17 +63,16 @@ def reproduce(
     notebooks = _chosen(only)
     for notebook in notebooks:
         _require_parameters(notebook, parameters)
-    seconds, failure = {}, None
+    failure = None
     with written_whole(out) as draft:
         try:
-            seconds = _run_all(notebooks, draft, {**parameters, OUTPUT: str(draft)}, jobs)
+            _run_all(notebooks, draft, {**parameters, OUTPUT: str(draft)}, jobs, progress)
         except NotebookFailed as error:
             failure = error
             _keep_executed(draft)
     if failure is not None:
         raise failure
     _merge_rows(out)
-    return seconds
 
 
 def _keep_executed(draft: Path) -> None:
@@ -106,19 +110,19 @@ def _require_parameters(notebook: Path, parameters: Mapping) -> None:
 
 
 def _run_all(
-    notebooks: list[Path], draft: Path, parameters: Mapping, jobs: int
-) -> dict[str, float]:
-    """Seconds that each took; a notebook that fails keeps those that wait from starting."""
+    notebooks: list[Path], draft: Path, parameters: Mapping, jobs: int,
+    progress: Callable[[str], None],
+) -> None:  # fmt: skip
+    """A notebook that fails keeps those that wait from starting."""
     (draft / EXECUTED).mkdir()
-    seconds = dict.fromkeys((notebook.stem for notebook in notebooks), 0.0)
-    with ThreadPoolExecutor(jobs) as pool, tqdm(total=len(notebooks), unit="notebook") as bar:
+    progress(f"notebooks: {len(notebooks)} to execute, {jobs} at a time")
+    with ThreadPoolExecutor(jobs) as pool:
         order = in_order(notebooks) if jobs > 1 else notebooks
         futures = {pool.submit(_run, path, draft, parameters): path for path in order}
         try:
-            for future in as_completed(futures):
-                seconds[futures[future].stem] = future.result()
-                bar.set_description(futures[future].stem)
-                bar.update()
+            for number, future in enumerate(as_completed(futures), start=1):
+                spent, name = future.result(), futures[future].stem
+                progress(f"{number:3d} of {len(notebooks)}  {name:24s} {spent:6.1f} s")
         except NotebookFailed:
             pool.shutdown(cancel_futures=True)
             raise
@@ -128,7 +132,6 @@ def _run_all(
                 kill_kernels()
                 time.sleep(0.1)
             raise
-    return seconds
 
 
 def in_order(notebooks: list[Path]) -> list[Path]:
@@ -140,7 +143,9 @@ def in_order(notebooks: list[Path]) -> list[Path]:
 def _run(notebook: Path, draft: Path, parameters: Mapping) -> float:
     start = time.perf_counter()
     hint = f"; the notebook as far as it ran is in the folder {EXECUTED}"
-    execute(notebook, draft / EXECUTED / notebook.name, parameters, hint)
+    executed = draft / EXECUTED / notebook.name
+    execute(notebook, executed, parameters, hint)
+    as_page(executed)
     return time.perf_counter() - start
 
 

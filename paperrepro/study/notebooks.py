@@ -20,6 +20,7 @@ from nbformat import NotebookNode
 from papermill.exceptions import PapermillExecutionError
 from traitlets import default
 
+from paperrepro._files import write_text
 from paperrepro.errors import BadInput, PaperReproError
 
 #: Parameter that names the folder of results; empty: nothing is written.
@@ -162,3 +163,11 @@ def execute(
     except PapermillExecutionError as error:
         reason = f"{error.ename}: {error.evalue}"
         raise NotebookFailed(target.name, error.cell_index, reason, hint) from None
+
+
+def as_page(notebook: Path) -> None:
+    """Write an executed ``notebook`` beside itself as a page of HTML, its pictures in it."""
+    import nbconvert  # takes a second, which a run of a sweep need not spend
+
+    body, _ = nbconvert.HTMLExporter().from_filename(str(notebook))
+    write_text(notebook.with_suffix(".html"), body)

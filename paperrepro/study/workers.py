@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 from dask.distributed import Client, Future, LocalCluster, Security, WorkerPlugin, as_completed
@@ -392,8 +393,15 @@ def _has_workers(client: Client) -> bool:
 
 def _bar(total: int) -> tqdm:
     """Its estimate is what is left times the mean time so far; a file gets a line in a minute."""
-    pause = 0.5 if sys.stderr.isatty() else 60
-    return tqdm(total=total, smoothing=0, bar_format=_BAR, unit="run", mininterval=pause)
+    how = {"total": total, "smoothing": 0, "bar_format": _BAR, "unit": "run"}
+    if sys.stderr.isatty():
+        return tqdm(mininterval=0.5, **how)
+    return tqdm(mininterval=60, file=SimpleNamespace(write=_write_line, flush=lambda: None), **how)
+
+
+def _write_line(text: str) -> None:
+    if text.strip():
+        print(text.strip(), file=sys.stderr, flush=True)
 
 
 def _take(future: Future, point: Point, store: Store, finished: Finished) -> Outcome | None:

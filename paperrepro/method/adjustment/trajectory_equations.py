@@ -91,6 +91,7 @@ class Nodes:
 
 
 N_ANGLES, N_PLANE = 3, 3
+OF_D = 2  # of a plane's three unknowns, its distance
 N_NODES = 12  # two nodes of six components
 #: Of the nine observations, those that a beam may have an error of its own in: range, elevation,
 #: azimuth.
@@ -140,11 +141,13 @@ class Cells:
 
 @dataclass(frozen=True)
 class CellBlocks:
-    """``N`` (C, u + 15, u + 15), upper triangle alone, ``t`` (C, u + 15): unknowns, plane, node
-    before, node after; ``chi2`` (C,) weighted squared residuals; ``N dx + t = 0`` at the solution
-    step."""
+    """``t`` (C, u + 15): unknowns, plane, node before, node after; ``chi2`` (C,) weighted squared
+    residuals; ``N dx + t = 0`` at the solution step. Of N the rows ``N`` (C, 15, u + 15) of plane
+    and nodes, upper triangle alone, and the block ``N_x`` (F, u, u) of the unknowns, upper triangle
+    alone, summed over the cells of a face: a scanner of many beams has hundreds of unknowns."""
 
     N: np.ndarray
+    N_x: np.ndarray
     t: np.ndarray
     chi2: np.ndarray
 
@@ -165,26 +168,28 @@ def cell_blocks(
     stands for; ``turns`` (F, 3, 2) how a plane's normal moves with its two unknowns; ``final_m`` m
     as `kernels.adjust_observations` has it.
     """  # fmt: skip
-    size = unknowns.size + N_PLANE + N_NODES
-    n_cells = len(cells.ranges)
-    N, t, chi2 = np.zeros((n_cells, size, size)), np.zeros((n_cells, size)), np.zeros(n_cells)
+    size, n_cells, n_faces = unknowns.size + N_PLANE + N_NODES, len(cells.ranges), len(planes)
+    N, t = np.zeros((n_cells, N_PLANE + N_NODES, size)), np.zeros((n_cells, size))
+    N_x, chi2 = np.zeros((n_faces, unknowns.size, unknowns.size)), np.zeros(n_cells)
+    of_face = np.searchsorted(cells.face, np.arange(n_faces + 1))
     R_l_b, dR_l_b, *mounted = unknowns.kernel_arguments(x)
     over_threads(
-        _cell_blocks, n_cells, *cells.sight.columns(), cells.share, cells.rate, cells.ranges,
-        cells.node, origin[cells.face], planes[cells.face], turns[cells.face], error,
+        _cell_blocks, n_faces, *cells.sight.columns(), cells.share, cells.rate, of_face,
+        cells.ranges, cells.node, origin, planes, turns, error,
         R_l_b, axes(R_l_b, dR_l_b), *mounted[:-1], unknowns.beam_columns, unknowns.beam_errors(x),
-        variances, final_m, 3 * unknowns.lever, unknowns.clock_delay(x), N, t, chi2, least=8,
+        variances, final_m, 3 * unknowns.lever, unknowns.clock_delay(x), N, N_x, t, chi2, least=1,
     )  # fmt: skip
-    return CellBlocks(N, t, chi2)
+    return CellBlocks(N, N_x, t, chi2)
 
 
 @numba.njit(cache=True, nogil=True)
 def _cell_blocks(
-    first, last, position, turns, rho, ring, share, rate, ranges, node, origin, planes, plane_turns,
-    error, R_l_b, turn_axes, lever, offsets, beam_columns, beams, variances, final_m, n_lever,
-    delay, N, t, chi2,
+    first, last, position, turns, rho, ring, share, rate, of_face, ranges, node, origin, planes,
+    plane_turns, error, R_l_b, turn_axes, lever, offsets, beam_columns, beams, variances, final_m,
+    n_lever, delay, N, N_x, t, chi2,
 ):  # fmt: skip
-    """Fill ``N``, ``t`` and ``chi2`` of cells ``first`` to ``last``."""
+    """Fill ``N``, ``N_x``, ``t`` and ``chi2`` of faces ``first`` to ``last``, whose cells begin at
+    ``of_face``."""
     timed = len(rate) > 0
     size = N_ROW + n_lever + timed
     v, b, seen, e, row = np.empty(9), np.empty(9), np.empty(8), np.empty(6), np.empty(size)
@@ -194,9 +199,10 @@ def _cell_blocks(
     where = np.arange(size)  # plane and nodes follow the unknowns, the last: lever arm, clock
     for k in range(N_ANGLES, size):
         where[k] += n_x - (N_ANGLES if k < N_ROW else size)
-    for c in range(first, last):
+    for c in range(of_face[first], of_face[last]):
+        f = np.searchsorted(of_face, c, side="right") - 1
         before, after = error[node[c]], error[node[c] + 1]
-        plane, near = planes[c], origin[c]
+        plane, near = planes[f], origin[f]
         sums[:], of_ring[:] = 0.0, 0.0
         for i in range(ranges[c, 0], ranges[c, 1]):
             for m in range(6):
@@ -211,7 +217,7 @@ def _cell_blocks(
                 there, then, rho[i], plane, near, R_l_b, turn_axes, lever, offsets[ring[i]],
                 variances, final_m, v, b, seen,
             )  # fmt: skip
-            _fill_row(seen, b, share[i], plane_turns[c], row)
+            _fill_row(seen, b, share[i], plane_turns[f], row)
             if n_lever > 0:
                 _fill_lever(plane, then, row)
             if timed:
@@ -222,7 +228,7 @@ def _cell_blocks(
             if per_ring:
                 _add_beam(row, b, w, 1.0 / s, of_ring[ring[i]])
             chi2[c] += w * w / s
-        _add_sums(sums, of_ring, where, beam_columns, N[c], t[c])
+        _add_sums(sums, of_ring, where, beam_columns, N[c], N_x[f], t[c])
 
 
 @numba.njit(cache=True)
@@ -288,13 +294,13 @@ def _add_beam(row, b, w, weight, sums):
 
 
 @numba.njit(cache=True)
-def _add_sums(sums, of_ring, where, beam_columns, N, t):
-    """Add the sums to N (upper triangle) and t: ``where`` (r,) an entry of a row is there, and
-    ``beam_columns`` (rings, n) the errors of a beam, -1 where they are held."""
-    size, n = len(sums), beam_columns.shape[1]
+def _add_sums(sums, of_ring, where, beam_columns, N, N_x, t):
+    """Add the sums to N and N_x (upper triangles) and t: ``where`` (r,) an entry of a row is there,
+    and ``beam_columns`` (rings, n) the errors of a beam, -1 where they are held."""
+    size, n, n_x = len(sums), beam_columns.shape[1], len(N_x)
     for k in range(size):
         for m in range(k, size):
-            N[min(where[k], where[m]), max(where[k], where[m])] += sums[k, m]
+            _add(N, N_x, n_x, where[k], where[m], sums[k, m])
         t[where[k]] += sums[k, size]
     for r in range(len(beam_columns)):
         for j in range(n):
@@ -302,11 +308,23 @@ def _add_sums(sums, of_ring, where, beam_columns, N, t):
             if column < 0:
                 continue
             for k in range(size):
-                N[min(column, where[k]), max(column, where[k])] += of_ring[r, j, k]
+                _add(N, N_x, n_x, column, where[k], of_ring[r, j, k])
             for k in range(n):
                 if beam_columns[r, k] >= column:
-                    N[column, beam_columns[r, k]] += of_ring[r, j, size + k]
+                    N_x[column, beam_columns[r, k]] += of_ring[r, j, size + k]
             t[column] += of_ring[r, j, size + n]
+
+
+@numba.njit(cache=True)
+def _add(N, N_x, n_x, k, m, value):
+    """Add to the entry (k, m) of normal equations as `CellBlocks` keeps them."""
+    low, high = min(k, m), max(k, m)
+    if high < n_x:
+        N_x[low, high] += value
+    elif low < n_x:
+        N[high - n_x, low] += value
+    else:
+        N[low - n_x, high] += value
 
 
 #: How well a lever arm is known before the flight, m: measured by tape between housings.

@@ -23,6 +23,7 @@ from paperrepro.method.adjustment.conditions import (
 from paperrepro.method.adjustment.trajectory_equations import (
     LEAST_SIGMA,
     N_COMPONENTS,
+    OF_D,
     CellBlocks,
     Cells,
     GaussMarkov,
@@ -172,10 +173,10 @@ class TrajectoryModel:
 
     def assemble(self, blocks: CellBlocks, noise: Noise) -> "DataNormals":
         """Sum the cells' blocks into place, window by window."""
-        rough, d = noise.roughness_weight, blocks.t.shape[1] - 13
+        rough, u = noise.roughness_weight, len(blocks.N_x[0])
         parts = (window_normals(w, blocks, self.cells, rough) for w in self.windows)
-        total = blocks.N[:, d, d] + rough
-        chi2 = blocks.chi2 - np.square(blocks.t[:, d]) / total
+        total = blocks.N[:, OF_D, u + OF_D] + rough
+        chi2 = blocks.chi2 - np.square(blocks.t[:, u + OF_D]) / total
         return DataNormals(tuple(parts), float(chi2.sum()), float(np.log(total / rough).sum()))
 
     def moved(self, state: "State", step: "Step") -> "State":

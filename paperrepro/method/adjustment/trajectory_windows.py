@@ -15,6 +15,7 @@ from scipy.linalg import block_diag
 
 from paperrepro.method.adjustment.trajectory_equations import (
     N_COMPONENTS,
+    OF_D,
     CellBlocks,
     Cells,
     Nodes,
@@ -104,6 +105,9 @@ def window_normals(
         blocks.N, blocks.t, window.cells, view, cells.node[window.cells] - begin, roughness,
         N, t, N_t, t_t, D, E,
     )  # fmt: skip
+    offsets = blocks.N[window.cells, OF_D, :u]
+    weight = 1 / (blocks.N[window.cells, OF_D, u + OF_D] + roughness)
+    N[:u, :u] = np.triu(blocks.N_x[window.faces].sum(axis=0) - (offsets.T * weight) @ offsets)
     D += np.triu(D, 1).transpose(0, 2, 1)
     # a constant moves all nodes alike
     constants = slice(u, u + N_COMPONENTS)
@@ -121,21 +125,26 @@ def window_normals(
 def _add_cells(N, t, chosen, view, node, roughness, N_yy, t_y, N_ty, t_t, D, E):
     """Add the ``chosen`` cells' ``N`` and ``t`` to the normal equations of unknowns and views,
     ``N_yy`` and ``t_y``, of the nodes, ``D``, ``E`` and ``t_t``, and between them, ``N_ty``; to the
-    upper triangles of ``N_yy`` and ``D`` alone."""
-    size = N.shape[1]
-    n_x, d = size - 15, size - 13
+    upper triangles of ``N_yy``, but for the unknowns among each other, and of ``D`` alone."""
+    size = N.shape[2]
+    n_x = size - N.shape[1]
     n_y = n_x + 3
-    y, column, M, of_t = np.arange(n_y), np.empty(size), np.zeros((size, size)), np.zeros(size)
+    y, column, M, of_t = np.arange(n_y), np.empty(size), np.zeros(N.shape[1:]), np.zeros(size)
     for i in range(len(chosen)):
         c, first = chosen[i], node[i]
         for k in range(size):
-            column[k] = N[c, min(k, d), max(k, d)]
-        weight = 1 / (column[d] + roughness)
-        left = t[c, d] * weight
+            column[k] = N[c, OF_D, k]
+        for k in range(OF_D):
+            column[n_x + k] = N[c, k, n_x + OF_D]
+        weight = 1 / (column[n_x + OF_D] + roughness)
+        left = t[c, n_x + OF_D] * weight
         for k in range(size):
             of_t[k] += t[c, k] - column[k] * left
-            scaled = column[k] * weight
-            for m in range(k, size):
+        for k in range(len(M)):
+            scaled = column[n_x + k] * weight
+            for m in range(n_x):
+                M[k, m] += N[c, k, m] - scaled * column[m]
+            for m in range(n_x + k, size):
                 M[k, m] += N[c, k, m] - scaled * column[m]
         if i + 1 < len(chosen) and view[i + 1] == view[i] and node[i + 1] == first:
             continue  # moments of one view between two nodes have one place
@@ -143,19 +152,24 @@ def _add_cells(N, t, chosen, view, node, roughness, N_yy, t_y, N_ty, t_t, D, E):
             y[n_x + k] = n_x + 6 + 3 * view[i] + k
         for k in range(n_y):
             t_y[y[k]] += of_t[k]
-            for m in range(k, n_y):
-                N_yy[y[k], y[m]] += M[k, m]
+        for m in range(3):
+            for k in range(n_x):
+                N_yy[k, y[n_x + m]] += M[m, k]
+            for k in range(m + 1):
+                N_yy[y[n_x + k], y[n_x + m]] += M[k, n_x + m]
         for after in range(2):
-            of_node = n_y + 6 * after
+            of_node = 3 + 6 * after
             for m in range(6):
-                t_t[first + after, m] += of_t[of_node + m]
-                for k in range(n_y):
-                    N_ty[first + after, m, y[k]] += M[k, of_node + m]
+                t_t[first + after, m] += of_t[n_x + of_node + m]
+                for k in range(n_x):
+                    N_ty[first + after, m, k] += M[of_node + m, k]
+                for k in range(3):
+                    N_ty[first + after, m, y[n_x + k]] += M[k, n_x + of_node + m]
                 for k in range(m + 1):
-                    D[first + after, k, m] += M[of_node + k, of_node + m]
+                    D[first + after, k, m] += M[of_node + k, n_x + of_node + m]
         for k in range(6):
             for m in range(6):
-                E[first, k, m] += M[n_y + k, n_y + 6 + m]
+                E[first, k, m] += M[3 + k, n_y + 6 + m]
         M[:], of_t[:] = 0.0, 0.0
 
 

@@ -16,7 +16,7 @@ import pytest
 
 from paperrepro import figures
 from paperrepro.figures import accuracy, calibration, refinement, roofs, survey
-from paperrepro.method.accuracy import ground_spread, ring_spread
+from paperrepro.method.accuracy import Distribution, ground_spread, ring_spread
 from paperrepro.method.georeference import georeference
 from paperrepro.paper.published import TABLE1
 from paperrepro.survey import Mounting, Rays
@@ -140,11 +140,14 @@ def test_fig08_histogram_is_a_density_with_its_normal_curve(ax):
     table = accuracy.histogram_table({"B": distances}, limit_m=0.3, width_m=0.01)
     assert (table.density * (table.right_m - table.left_m)).sum() == pytest.approx(1.0)
     assert np.abs(table.density - table.normal).max() < 0.05 * table.normal.max()
-    accuracy.histogram(ax, table, "B")
+    shape = Distribution.of(distances)
+    accuracy.histogram(ax, table, "B", shape)
     steps = ax.patches[0].get_data()
     np.testing.assert_allclose(steps.values, table.density / 100)
     np.testing.assert_allclose(steps.edges[:-1], 100 * table.left_m)
-    np.testing.assert_allclose(ax.lines[0].get_ydata(), table.normal / 100)
+    x, normal = ax.lines[0].get_data()
+    assert x[np.argmax(normal)] == pytest.approx(100 * shape.mean, abs=0.1)
+    assert np.trapezoid(normal, x) == pytest.approx(1.0)
 
 
 def test_histogram_s_bins_are_whole_and_symmetric():

@@ -101,7 +101,7 @@ def test_settings_are_not_averaged_with_one_another():
     figure, table = study.errors(survey_table(rows))
     assert set(table.surveys) == {len(SEEDS)}
     assert len(figure.axes) == 6
-    assert figure.axes[0].get_ylabel().startswith("mount, quick")
+    assert figure.axes[0].get_title(loc="left") == "(a) error: mount, quick"
     varied = pd.concat([rows_of().assign(scene=scene) for scene in ("farm", "forest")])
     table = study.offsets(survey_table(varied))[1]
     assert set(table.surveys) == {len(SEEDS)}

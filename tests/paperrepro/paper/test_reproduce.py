@@ -46,11 +46,13 @@ def books(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_results_are_collected_and_rows_merged(books, tmp_path):
     out = tmp_path / "out"
-    seconds = reproduce.reproduce(out, {"seed": 7})
-    assert list(seconds) == ["01_part", "02_part"]
+    lines = []
+    reproduce.reproduce(out, {"seed": 7}, progress=lines.append)
+    assert [line.split()[-3] for line in lines[1:]] == ["01_part", "02_part"]
     assert (out / "01_part.txt").read_text() == "7"
     assert pd.read_csv(out / "rows.csv").value.tolist() == [0.5, 0.25]
     assert (out / "executed" / "02_part.ipynb").exists()
+    assert "figures_dir" in (out / "executed" / "02_part.html").read_text(encoding="utf-8")
     assert not list(out.glob(".unfinished*"))
     # one notebook alone renews its own rows and keeps the others'
     notebook(books, "02_part", WRITES.format(name="02_part", value=0.125))
