@@ -77,19 +77,21 @@ class TrajectoryErrors:
         mean, variance = np.tile(self.constant, (len(time), 1)), np.zeros((len(time), 6))
         shares = []
         for p, process in enumerate(self.processes):
-            tau = process.correlation_time
+            tau, at_nodes = process.correlation_time, process.factor(self.time)
             to_first, to_last, gap, away = (
                 np.exp(-np.abs(lag)[:, None] / tau)
                 for lag in (inside - first, last - inside, last - first, time - inside)
             )
-            known = away / (1 - gap**2)
+            known, factor = away / (1 - gap**2), process.factor(time)
+            of_first = (1 - to_last**2) * to_first * known
+            of_last = (1 - to_first**2) * to_last * known
+            explained = away * (of_first * to_first + of_last * to_last)
+            variance += np.square(process.sigma * factor) * (1 - explained)
             of_first, of_last = (
-                (1 - to_last**2) * to_first * known,
-                (1 - to_first**2) * to_last * known,
+                share * factor / at_nodes[node]
+                for share, node in ((of_first, before), (of_last, before + 1))
             )
             mean += of_first * self.error[before, p] + of_last * self.error[before + 1, p]
-            explained = away * (of_first * to_first + of_last * to_last)
-            variance += process.sigma**2 * (1 - explained)
             shares.append((of_first, of_last))
         for p, (of_first, of_last) in enumerate(shares):
             for s in range(len(shares)):

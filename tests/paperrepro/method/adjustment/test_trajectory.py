@@ -320,7 +320,8 @@ def test_without_noise_as_exact_as_the_others():
 def test_errors_between_nodes_are_those_of_the_processes():
     """Mean and sigma at any time are what the Gauss-Markov covariances make of the nodes'."""
     rng, time = np.random.default_rng(2), np.array([10.0, 10.5, 18.0])
-    processes = tuple(GaussMarkov(np.full(6, s), np.full(6, tau)) for s, tau in ((2, 20), (1, 1)))
+    worse = np.array([0.0, 40.0]), np.array([np.full(6, 0.5), np.full(6, 2.5)])
+    processes = GaussMarkov(np.full(6, 2.0), np.full(6, 20.0), worse), GaussMarkov(*np.ones((2, 6)))
     prior = [process_covariance(process, time, time) for process in processes]
     prior = np.block([[prior[0], np.zeros((3, 3))], [np.zeros((3, 3)), prior[1]]])
     gain = rng.normal(0, 0.3, (4, 6))  # four observations of the sums' errors
@@ -340,7 +341,8 @@ def test_errors_between_nodes_are_those_of_the_processes():
     asked = np.array([5.0, 10.0, 10.1, 12.0, 17.9, 18.0, 30.0, 1e4])
     across = [process_covariance(process, asked, time) for process in processes]
     A = np.concatenate(across, axis=1) @ np.linalg.inv(prior)
-    variance = 5 - np.einsum("nk,kl,nl->n", A, prior - posterior, A)
+    variance = 4 * processes[0].factor(asked)[:, 0] ** 2 + 1
+    variance -= np.einsum("nk,kl,nl->n", A, prior - posterior, A)
     found, sigma = errors.at(asked)
     np.testing.assert_allclose(found[:, 3], 0.1 + A @ mean, atol=1e-12)
     np.testing.assert_allclose(sigma[:, 3] ** 2, variance, rtol=1e-10)
@@ -350,7 +352,8 @@ def test_errors_between_nodes_are_those_of_the_processes():
 
 def process_covariance(process, one, other):
     lag = np.abs(one[:, None] - other)
-    return process.sigma[0] ** 2 * np.exp(-lag / process.correlation_time[0])
+    sigma = (process.sigma[0] * process.factor(time)[:, :1] for time in (one, other))
+    return next(sigma) * next(sigma).T * np.exp(-lag / process.correlation_time[0])
 
 
 def test_sigma_hold_under_time_correlated_noise(noisy):
