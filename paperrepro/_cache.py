@@ -24,7 +24,7 @@ import joblib
 from filelock import FileLock
 
 from paperrepro import API
-from paperrepro._files import private_folder
+from paperrepro._files import private_folder, whole_file
 
 PACKAGES = ("paperrepro", "data_synth")
 #: Names that the lazy door of the package offers, in full, and their modules.
@@ -169,12 +169,12 @@ def _load(path: Path) -> Any:
 
 def _store(value: Any, path: Path) -> bool:
     """Whether ``value`` could be written to ``path``."""
-    part, note = path.with_suffix(f".{os.getpid()}.part"), path.with_suffix(".sum")
+    part, note = path.with_suffix(".joblib.part"), path.with_suffix(".sum")
     try:
         joblib.dump(value, part)
         written = f"{part.stat().st_size} {_crc(part)}\n"
-        note.with_suffix(".part").write_text(written)
-        os.replace(note.with_suffix(".part"), note)
+        with whole_file(note) as draft:
+            draft.write_text(written)
         os.replace(part, path)
         _keep_to_limit()
     except (OSError, pickle.PicklingError):

@@ -28,8 +28,8 @@ from threadpoolctl import ThreadpoolController
 from paperrepro._files import private_folder
 
 #: Tasks that a call is cut into at most, whatever the number of threads: what a task starts from
-#: is then the same on every machine, to the last bit. What BLAS sums differs with its threads:
-#: results agree to 1e-11 then.
+#: is then the same on every machine, to the last bit. BLAS, whose sums differ with its threads, is
+#: held to one where it sums much (`one_blas_thread`).
 TASKS = 16
 #: Fewer points are not worth a task.
 POINTS = 4096

@@ -52,8 +52,11 @@ def written_whole(folder: Path) -> Iterator[Path]:
             (draft / _NEW).mkdir()
             yield draft / _NEW
             _replace_all(draft, folder)
-        finally:
-            shutil.rmtree(draft, ignore_errors=True)
+        except BaseException:
+            if not (draft / _OLD).exists():  # else the next start finishes it
+                shutil.rmtree(draft, ignore_errors=True)
+            raise
+        shutil.rmtree(draft, ignore_errors=True)
 
 
 def require_folder(folder: Path) -> None:
@@ -95,8 +98,8 @@ def _alone(folder: Path, made: Path | None) -> Iterator[None]:
 
 def _replace_all(draft: Path, folder: Path) -> None:
     """Move the new files of ``draft`` into ``folder``, the old ones into the draft; where one of
-    them cannot be moved, all are as before."""
-    new, old, done = draft / _NEW, draft / _OLD, []
+    them cannot be moved, or a signal ends it, all are as before."""
+    new, old, begun = draft / _NEW, draft / _OLD, []
     old.mkdir(exist_ok=True)
     try:
         for path in sorted(path for path in new.rglob("*") if path.is_file()):
@@ -105,16 +108,23 @@ def _replace_all(draft: Path, folder: Path) -> None:
                 place.parent.mkdir(parents=True, exist_ok=True)
             if target.is_dir():
                 raise IsADirectoryError(None, "a folder has this name")
-            done.append((target, kept))
+            begun.append((path, target, kept))
             if os.path.lexists(target):
                 os.replace(target, kept)
             os.replace(path, target)
-    except OSError as error:
-        for moved, kept in reversed(done):
+    except BaseException as error:
+        for path, moved, kept in reversed(begun):
+            if not os.path.lexists(path):
+                os.replace(moved, path)
             if os.path.lexists(kept):
                 os.replace(kept, moved)
-            else:
-                moved.unlink(missing_ok=True)
+            if moved.parent != folder:
+                with suppress(OSError):
+                    moved.parent.rmdir()
+        if not any(path.is_file() for path in old.rglob("*")):
+            shutil.rmtree(old)
+        if not isinstance(error, OSError):
+            raise
         raise BadInput(
             f"{target}: cannot be replaced ({error.strerror}), so nothing was written; free it or "
             "name another folder"

@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partialmethod
 from pathlib import Path
 
 import paperrepro as pr
@@ -21,14 +22,11 @@ from paperrepro.errors import BadInput, PaperReproError
 
 # What can be chosen, spelt out so that --help need not load what offers it; a test compares them.
 PRESETS, PROFILES = ("mount", "table4"), ("quick", "paper")
-SCENES = ("farm", "forest", "yard", "fields")
-TERRAINS = ("rolling", "natural")
-SCENARIOS, PLANES = ("SL", "A", "B", "C", "D"), ("auto", "gables", "any")
+SCENES, TERRAINS = ("farm", "forest", "yard", "fields"), ("rolling", "natural")
+PLANES = "auto", "gables", "any"
 SITE = -25.754444, -49.394167, 900.0
 #: Where `study` leaves its rows: the ledger reads them there.
 STUDY = Path("figures/study.csv")
-#: Significant digits of a study's numbers: it is kept, and what chance decides is not written.
-STUDY_DIGITS = 4
 _LISTED = 20
 _EXAMPLE = "F*.laz --trajectory mission.sbet --mounting mounting.toml"
 _STOPS = [
@@ -65,10 +63,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         return _told(f"{where}{error.strerror or error}; make it readable, writable or larger", 1)
-    except Exception as error:
+    except SystemExit:  # of --help
+        raise
+    except BaseException as error:  # a library of Rust panics with one that is no Exception
         if verbose:
             raise
-        return _told(f"{type(error).__name__}: {error}; --verbose shows where; please report it", 1)
+        return _told(pr.study.environment.fault(error, arguments or sys.argv[1:]), 1)
 
 
 def _told(words: str, code: int) -> int:
@@ -117,17 +117,19 @@ class _Parser(argparse.ArgumentParser):
             words += f" (default {shown})" if shown != "" else ""
         self.add_argument(name, default=default, help=words, **more)
 
-    def flag(self, name: str, words: str) -> None:
-        self.add_argument(name, action="store_true", help=words)
+    flag = partialmethod(option, action="store_true")
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="paperrepro", description=__doc__.splitlines()[0])
-    parser.epilog = "Each command has its own --help, with an example."
+    how = argparse.RawDescriptionHelpFormatter
+    parser = _Parser(prog="paperrepro", description=__doc__.splitlines()[0], formatter_class=how)
     parser.add_argument("--version", action="version", version=pr.__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for add in _COMMANDS:
         add(commands)
+    examples = [command.epilog.partition(": ")[2] for command in commands.choices.values()]
+    words = "Examples, in the order of work; each command has --help:"
+    parser.epilog = "\n  ".join([words, *examples])
     return parser
 
 
@@ -154,8 +156,7 @@ def _survey(command: _Parser) -> None:
 def _strips(command: _Parser) -> None:
     """An operator's files, and where what is made of them goes."""
     command.option("strips", "LAS or LAZ files", nargs="+", type=Path, metavar="STRIP")
-    words = "SBET; not needed where the strips hold a pose for each point"
-    command.option("--trajectory", words, type=Path, metavar="FILE")
+    command.option("--trajectory", "SBET, unless the points hold poses", type=Path, metavar="FILE")
     command.option("--mounting", "nominal mounting.toml", type=Path, required=True, metavar="FILE")
     command.option("--crs", "of the strips, as EPSG:31982; else their header's")
     command.option("--ring-dimension", "where a point's ring stands", "user_data", metavar="NAME")
@@ -247,8 +248,9 @@ def _reproduce(options: argparse.Namespace) -> int:
     parameters = {name: getattr(options, name) for name in names}
     data_synth.make_config(**parameters)  # refuses what cannot be, before anything runs
     say, start = _say(options), time.perf_counter()
-    pr.reproduce(out, parameters, options.only or (), options.jobs, say)
-    pr.figures.pages.write(out, pr.study.rows.SurveyKey(**parameters))
+    run = pr.study.rows.SurveyKey(**parameters)
+    finish = lambda folder: pr.figures.pages.write(folder, run)  # noqa: E731
+    pr.reproduce(out, parameters, options.only or (), options.jobs, say, finish)
     say(f"{out}: done in {time.perf_counter() - start:.0f} s")
     return 0
 
@@ -301,9 +303,9 @@ def _calibrate_options(commands) -> None:
         ".flight.read .flight.calibrate .flight.write .figures.pages .figures.flight",
     )  # fmt: skip
     _strips(command)
-    command.option("--scenario", "SL, A, B, C of the paper, or D, ours", "D", choices=SCENARIOS)
-    words = "gable roofs, patches of any kind, or gables where there are enough"
-    command.option("--planes", words, "auto", choices=PLANES)
+    words = "SL, A, B, C of the paper, D, ours, or as 'B 3', three points a face"
+    command.option("--scenario", words, "D", metavar="NAME")
+    command.option("--planes", "gable roofs, or patches of any kind", "auto", choices=PLANES)
     command.flag("--write-strips", "write the strips, too: new mounting, adjusted trajectory (D)")
     command.flag("--write-trajectory", "write the adjusted trajectory, too (D): SBET, SMRMSG")
     command.flag("--lever-arm", "estimate the lever arm, too (D); the given one is its prior")
@@ -312,10 +314,11 @@ def _calibrate_options(commands) -> None:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
+    pr.method.adjustment.scenarios.by_name(options.scenario)  # refuses what there is not
     parameters = pr.method.parameters.Parameters.read(options.set)
-    apart = pr.flight.write.require_names_apart  # before hours of work
-    apart(options.strips, options.out if options.write_strips else None)
-    if options.write_trajectory and (options.scenario != "D" or not options.trajectory):
+    if options.write_strips:
+        pr.flight.read.require_apart(options.strips, options.out)
+    if options.write_trajectory and (options.scenario[0] != "D" or not options.trajectory):
         raise BadInput("--write-trajectory: needs scenario D and --trajectory; give both")
     calibration, pages = pr.flight.calibration_file, pr.figures.pages
     with written_whole(options.out) as draft, _Steps(options) as steps:
@@ -341,9 +344,8 @@ def _calibrate(options: argparse.Namespace) -> int:
             steps("adjusted strips")
             correct = errors.poses if errors and not options.mounting_only else None
             pr.flight.write.write_strips(flight, own.result.calibrated, draft, correct)
-    say = _say(options)
-    say(f"{options.out}: {calibration.NAME}, {pages.NAME}")
-    say("\n".join([*flight.notes, own.summary()]))
+    first = f"{options.out}: {calibration.NAME}, {pages.NAME}"
+    _say(options)("\n".join([first, *flight.notes, own.summary()]))
     return 0
 
 
@@ -470,9 +472,7 @@ def _study(options: argparse.Namespace) -> int:
         print(f"paperrepro: {options.out}: not written, surveys are missing", file=sys.stderr)
         return _stopped(finished) or 1
     rows = finished.rows
-    for column in ("value", "sigma"):
-        rows[column] = [float(f"{number:.{STUDY_DIGITS}g}") for number in rows[column]]
-    tidy.write_csv(rows, options.out.parent, options.out.stem)
+    tidy.write_csv(tidy.rounded(rows), options.out.parent, options.out.stem)
     failures = (rows.metric == tidy.FAILED).sum()
     say(f"{options.out}: {len(surveys)} surveys, {len(rows)} rows, {failures} failures")
     return 0

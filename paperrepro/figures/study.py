@@ -3,6 +3,7 @@ time of each stage against the number of points."""
 
 from collections.abc import Iterator
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -174,8 +175,9 @@ def means(ax: Axes, table: pd.DataFrame, factor: float = 1.0) -> Axes:
         rows = table[table.scenario == name]
         x = [scales.index(s) + (k - (len(scenarios) - 1) / 2) * step for s in rows.noise_scale]
         reach = factor * np.array([rows.value - rows.low, rows.high - rows.value])
-        ax.errorbar(x, factor * rows.value, reach, fmt="o", color=SCENARIO_COLOURS[name],
-                    elinewidth=1.4, label=scenario_name(name))  # fmt: skip
+        colour = SCENARIO_COLOURS[name]
+        ax.errorbar(x, factor * rows.value, reach, fmt="o", color=colour, elinewidth=1.4)
+        ax.plot([], [], "s", ms=6, color=colour, label=scenario_name(name))  # no dot of the data
     ax.set_xticks(range(len(scales)), [f"× {scale:g}" for scale in scales])
     ax.set_xlim(-0.6, len(scales) - 0.4)
     ax.set_ylim(bottom=0)
@@ -203,13 +205,16 @@ def errors_against_sigmas(ax: Axes, table: pd.DataFrame) -> Axes:
 
 
 def verdict_counts(ax: Axes, counts: pd.Series) -> Axes:
-    """A bar for each verdict, in their order, with its number of claims."""
+    """A bar for each verdict, in their order, with its number of claims; as long for a claim in all
+    panels of the figure."""
     colours = [VERDICT_COLOURS[verdict] for verdict in counts.index]
     bars = ax.barh(range(len(counts)), counts, color=colours, height=0.66)
     ax.bar_label(bars, padding=3)
     ax.set_yticks(range(len(counts)), counts.index)
     ax.invert_yaxis()
-    ax.set_xlim(0, 1.12 * max(counts.max(), 1))
+    panels = ax.figure.axes
+    longest = max(bar.get_width() for panel in panels for bar in panel.patches)
+    plt.setp(panels, xlim=(0, 1.12 * max(longest, 1)))
     ax.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     ax.set_xlabel("claims")
     return ax

@@ -199,7 +199,7 @@ def upright(ax, low: float, high: float) -> None:
     """Names and few ticks for 3-D axes, ``low`` and ``high`` on the third."""
     ax.set(xlabel="east (m)", ylabel="north (m)")
     ax.locator_params(nbins=4)
-    ticks = np.unique(np.round([low, high]))
+    ticks = np.unique(np.round([low, high])) + 0.0  # no minus zero
     ax.set_zticks(ticks, [f"{tick:.0f} m up" for tick in ticks], ha="left")
     ax.grid(False)
     ax.tick_params(pad=-2)

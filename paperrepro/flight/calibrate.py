@@ -14,11 +14,11 @@ from paperrepro.errors import BadInput, NoConvergence, RankDefect, TooFewPlanes
 from paperrepro.flight.agreement import implausible, require_agreement
 from paperrepro.flight.read import Flight
 from paperrepro.method.accuracy import PairDistances, overlaps, pair_distances
-from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES, calibrate
+from paperrepro.method.adjustment.calibrate import calibrate
 from paperrepro.method.adjustment.model_checks import Check, model_checks
 from paperrepro.method.adjustment.observability import AXIS_WORDS
 from paperrepro.method.adjustment.result import CalibrationResult
-from paperrepro.method.adjustment.screening import screen
+from paperrepro.method.adjustment.scenarios import by_name
 from paperrepro.method.adjustment.trajectory_errors import few_planes, find_noise
 from paperrepro.method.coarse_to_fine import (
     Candidates,
@@ -111,7 +111,8 @@ def calibrate_flight(
     flight : Flight or Survey
         As `read_flight` gives it, or a survey from elsewhere.
     scenario : str
-        ``SL``, ``A``, ``B``, ``C`` of the paper, or ``D``, ours.
+        ``SL``, ``A``, ``B``, ``C`` of the paper, or ``D``, ours; or a variant such as ``B 3``,
+        three points a face, and ``SL without offsets``.
     planes : str
         ``gables``, ``any``, or ``auto``: gables where there are enough.
     progress : callable
@@ -134,9 +135,9 @@ def calibrate_flight(
     TooFewPlanes, RankDefect, NoConvergence
         Where the flight does not determine the boresight.
     """
-    _require_word("scenario", scenario, SCENARIO_NAMES)
+    of_trajectory = by_name(scenario).trajectory
     _require_word("planes", planes, PLANES)
-    if lever_arm and scenario != "D":
+    if lever_arm and not of_trajectory:
         raise BadInput(f"lever arm: scenario {scenario} holds it; estimate it by scenario D")
     survey = flight.survey if isinstance(flight, Flight) else flight
     points = sample_rays(survey)
@@ -147,7 +148,7 @@ def calibrate_flight(
     result, tie_planes = _adjust(
         survey, found.tie_planes, scenario, found.boresights[-1], lever_arm
     )
-    if scenario == "D" and len(set(tie_planes.strips)) < ENOUGH_STRIPS:
+    if of_trajectory and len(set(tie_planes.strips)) < ENOUGH_STRIPS:
         remarks.append(
             f"The trajectory's noise was taken as specified, to a factor of three: "
             f"{len(set(tie_planes.strips))} strips do not show it, {ENOUGH_STRIPS} would."
@@ -227,11 +228,11 @@ def _adjust(
     """``scenario`` on ``tie_planes`` from ``near`` (3,) rad, and the faces that it kept; D under
     the noise in the data. What it says of before is under the survey's own mounting."""
     found, start = None, replace(survey, mounting=survey.mounting.with_calibration(near))
-    if scenario == "D":
+    if by_name(scenario).trajectory:
         enough = len(set(tie_planes.strips)) >= ENOUGH_STRIPS
         found = find_noise(start, few_planes(tie_planes, start.mounting), near, enough)
     result = calibrate(start, tie_planes, scenario, found=found, lever_arm=lever_arm)
-    kept = tie_planes.subset(screen(start, tie_planes).kept) if result.rejected else tie_planes
+    kept = result.adjusted(tie_planes)
     before = kept.plane_states(survey.mounting).rms
     changed = {"mounting": survey.mounting, "rms_before": before}
     return replace(result, **changed), kept

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 
 from paperrepro.errors import BadInput, OutsideTrajectory
 from paperrepro.flight import mounting, ray_test
@@ -34,6 +35,8 @@ from paperrepro.survey import Scanner
 TOLERATED = float(np.radians(0.15))
 #: Medians further than this from the table, rad, are the unit's own elevations.
 SAME_BEAM = float(np.radians(0.005))
+#: Medians of a beam in two strips are nearer than this, rad. Fewer rays of a file tell nothing.
+BEAM_APART, LEAST_RAYS = float(np.radians(0.1)), 200
 #: A scatter below this, rad, is not looked at further.
 SCATTER_SEEN = float(np.radians(0.002))
 #: A convergence of the meridians that matters, rad.
@@ -80,8 +83,47 @@ def consistent_evidence(
 ) -> tuple[Evidence, list[str]]:
     """``evidence`` as the rays read it, and a note on each correction.
 
-    Raises `OutsideTrajectory`, `BadInput` with the mistake under which the rays would fit.
+    Raises `OutsideTrajectory`, `BadInput` with the mistake under which the rays would fit, of all
+    files or of one alone.
     """
+    found, notes = _consistent(evidence, given, names)
+    for k in _others_than_all(found):
+        own = replace(names, strip=found.samples[k].name)
+        alone, more = _consistent(replace(evidence, samples=(evidence.samples[k],)), given, own)
+        if alone.fit.good:
+            raise BadInput(
+                f"{own.strip}: its rays do not fit as those of the other strips do, but so: "
+                f"{'; '.join(more) or 'by other beams, or without what was put right for them'}; "
+                "export it as the others"
+            )
+        notes = [*notes, *more]
+    return found, notes
+
+
+def _others_than_all(found: Evidence) -> list[int]:
+    """Files whose rays do not fit as those of all files do, the worst first: a median over all
+    tells nothing of a few."""
+    fits = {
+        k: replace(found, samples=(sample,)).fit
+        for k, sample in enumerate(found.samples)
+        if len(sample.time) >= LEAST_RAYS
+    }
+    fits = {k: fit for k, fit in fits.items() if fit is not None}
+    if found.fit is None or len(fits) < 2:
+        return []
+    elevations = pd.DataFrame({k: pd.Series(f.elevations, f.rings) for k, f in fits.items()})
+    apart = elevations.sub(elevations.median(axis=1), axis=0).abs().max()
+    excess = {}
+    for k, own in fits.items():
+        scatter = max(own.limit, 2 * found.fit.scatter)
+        excess[k] = max(own.scatter / scatter, apart[k] / max(BEAM_APART, 2 * scatter))
+    return sorted((k for k in excess if excess[k] > 1), key=lambda k: -excess[k])
+
+
+def _consistent(
+    evidence: Evidence, given: MountingFile, names: Names
+) -> tuple[Evidence, list[str]]:
+    """As `consistent_evidence`, of all files together."""
     plain = evidence.fit
     if plain is not None and plain.good:
         return _with_best_heading(evidence)

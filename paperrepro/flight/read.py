@@ -116,9 +116,10 @@ def read_flight(
         Or one of its kin (`EmptyStrip`, `OutsideTrajectory`, `NotFinite`, `NotARotation`): names
         file, place and remedy.
     """
+    require_apart(strips)
     given = read_mounting(mounting)
     files = [_opened(Path(path), crs, ring_dimension) for path in strips]
-    _require_together(files)
+    _require_one_datum(files)
     records = [decoding.sampled(file, timed=trajectory is not None) for file in files]
     frame = frame or _frame_of(files, records)
     navigation = given.navigation
@@ -143,22 +144,29 @@ def _opened(path: Path, crs: str | None, ring_dimension: str) -> StripFile | Tab
     return (open_table if table else open_strip)(path, crs, ring_dimension)
 
 
-def _require_together(files: list) -> None:
-    """One datum, and a name of its own for each file."""
+def require_apart(strips: Sequence[str | Path], out: str | Path | None = None) -> None:
+    """Raise `BadInput` where two ``strips`` have one name, and where writing them into folder
+    ``out`` would overwrite one."""
+    paths = [Path(path) for path in strips]
+    names = [path.stem for path in paths]
+    for path in paths:
+        if names.count(path.stem) > 1:
+            raise BadInput(f"{path}: given twice, or two files have this name; rename one of them")
+        target = out and Path(out) / path.name
+        if target and target.exists() and path.exists() and path.samefile(target):
+            raise BadInput(f"{path}: would be overwritten; choose another folder than {out}")
+
+
+def _require_one_datum(files: list) -> None:
     if not files:
         raise BadInput("strips: expected at least one file; give them as LAS, LAZ or CSV")
-    first, names = files[0], set()
+    first = files[0]
     for file in files:
         if file.grid.crs.geodetic_crs != first.grid.crs.geodetic_crs:
             raise BadInput(
                 f"{file.path}: its datum is {file.grid.crs.geodetic_crs.name}, that of "
                 f"{first.path} is {first.grid.crs.geodetic_crs.name}; bring them to one"
             )
-        if file.path.stem in names:
-            raise BadInput(
-                f"{file.path}: a second strip named {file.path.stem}; rename it or give it once"
-            )
-        names.add(file.path.stem)
 
 
 def _frame_of(files: list, records: list[Records]) -> LocalFrame:

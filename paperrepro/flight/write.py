@@ -21,7 +21,7 @@ from paperrepro.flight import ray_test
 from paperrepro.flight.calibration_file import read_calibration
 from paperrepro.flight.las import FILE_ERRORS, SOFTWARE, StripFile, first_line, opened
 from paperrepro.flight.mounting import read_mounting
-from paperrepro.flight.read import Flight, read_flight
+from paperrepro.flight.read import Flight, read_flight, require_apart
 from paperrepro.flight.sbet import adjustment
 from paperrepro.method.georeference import georeference
 from paperrepro.survey import Mounting, Rays
@@ -85,7 +85,7 @@ def apply_calibration(
     """
     given = read_mounting(mounting)
     early = read_calibration(calibration, given.mounting)
-    require_names_apart([Path(path) for path in strips], Path(out))
+    require_apart(strips, out)
     flight = read_flight(strips, trajectory, mounting, crs=crs, ring_dimension=ring_dimension)
     survey = flight.survey
     calibrated = read_calibration(calibration, survey.mounting, survey.scanner)
@@ -112,16 +112,7 @@ def require_writable(flight: Flight, out: str | Path) -> None:
     for file in flight.files:
         if file.hindrance:
             raise BadInput(f"{file.path}: {file.hindrance}")
-    require_names_apart([file.path for file in flight.files], Path(out))
-
-
-def require_names_apart(paths: Sequence[Path], out: Path | None) -> None:
-    """Raise `BadInput` for files of one name, and for such as would be overwritten in ``out``."""
-    for path in paths:
-        if out and (out / path.name).exists() and path.exists() and path.samefile(out / path.name):
-            raise BadInput(f"{path}: would be overwritten; choose another folder than {out}")
-        if [other.name for other in paths].count(path.name) > 1:
-            raise BadInput(f"{path}: given twice, or two files have this name; rename one of them")
+    require_apart([file.path for file in flight.files], out)
 
 
 def write_strips(

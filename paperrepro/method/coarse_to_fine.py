@@ -309,7 +309,6 @@ def find_roofs(
 def find_planes(
     survey: Survey,
     points: Candidates | None = None,
-    settled: bool = False,
     progress: Progress = silent,
 ) -> PlaneSurvey:
     """Planar patches of any kind of all strips and their matches, for flights without gable roofs.
@@ -319,8 +318,6 @@ def find_planes(
     survey : Survey
     points : Candidates, optional
         Points among which patches are sought; by default a sample of each strip.
-    settled : bool
-        The survey's mounting is right to 0.2 degrees already: no coarse pass.
     progress : callable, optional
         Called with a sentence for each step.
 
@@ -335,7 +332,7 @@ def find_planes(
     points = points or sample_rays(survey)
     tile_m = tile_size(points.rays, survey.mounting)
     fine = PatchSearch.fine(tile_m)
-    searches = [fine] if settled else [PatchSearch.coarse(tile_m), fine]
+    searches = [PatchSearch.coarse(tile_m), fine]
     return _search(survey, points, searches, progress)
 
 
@@ -376,7 +373,7 @@ def _boresight(survey: Survey, found: PlaneSurvey) -> np.ndarray:
 
 
 def planes_under(
-    survey: Survey, points: Candidates, mounting: Mounting, search: Search, seed: int = 0
+    survey: Survey, points: Candidates, mounting: Mounting, search: Search
 ) -> PlaneSurvey:
     """One pass: planes found and matched as they lie under ``mounting``.
 
@@ -387,8 +384,6 @@ def planes_under(
     mounting : Mounting
         Under which the points are georeferenced.
     search : RoofSearch or PatchSearch
-    seed : int
-        Of the consensus sets (RANSAC).
 
     Returns
     -------
@@ -399,7 +394,7 @@ def planes_under(
     TooFewPlanes
     """
     in_fan = np.abs(survey.scanner.beam_elevations) <= np.deg2rad(search.fan_deg)
-    generators = np.random.default_rng(seed).spawn(len(points.rays))
+    generators = np.random.default_rng(0).spawn(len(points.rays))
     index, rays, p_m, surfaces = {}, {}, {}, {}
     for (name, of_strip), rng in zip(points.rays.items(), generators, strict=True):
         chosen = slice(None) if in_fan.all() else in_fan[of_strip.ring]

@@ -3,6 +3,7 @@
 Results appear when all notebooks have run; a run that fails leaves the earlier ones as they were.
 """
 
+import os
 import shutil
 import time
 from collections.abc import Callable, Mapping
@@ -13,6 +14,7 @@ import pandas as pd
 
 from paperrepro._files import written_whole
 from paperrepro.errors import BadInput
+from paperrepro.study.environment import temporary_files
 from paperrepro.study.notebooks import (
     OUTPUT,
     NotebookFailed,
@@ -36,6 +38,7 @@ BEGIN_WITH = ("01", "05", "03", "10", "07", "11")
 def reproduce(
     out: Path, parameters: Mapping, only: tuple[str, ...] = (), jobs: int = 1,
     progress: Callable[[str], None] = lambda words: None,
+    finish: Callable[[Path], None] = lambda folder: None,
 ) -> None:  # fmt: skip
     """Execute the notebooks.
 
@@ -52,6 +55,8 @@ def reproduce(
         How many run at a time; what two of them need is computed once, the other waits for it.
     progress : callable
         Called with a line for each notebook that has run.
+    finish : callable
+        Is given the folder as it is going to be and may write into it, a report for example.
 
     Raises
     ------
@@ -64,15 +69,35 @@ def reproduce(
     for notebook in notebooks:
         _require_parameters(notebook, parameters)
     failure = None
-    with written_whole(out) as draft:
+    with written_whole(out) as draft, temporary_files():
         try:
             _run_all(notebooks, draft, {**parameters, OUTPUT: str(draft)}, jobs, progress)
         except NotebookFailed as error:
             failure = error
             _keep_executed(draft)
+        else:
+            _finish(draft, out, finish)
     if failure is not None:
         raise failure
-    _merge_rows(out)
+
+
+def _finish(draft: Path, out: Path, finish: Callable[[Path], None]) -> None:
+    """Add to ``draft`` what is made of all results, of this run and of earlier ones in ``out``."""
+    both = draft.parent / "both"
+    unseen = shutil.ignore_patterns(".*")
+    for folder in (out, draft):
+        shutil.copytree(folder.resolve(), both, ignore=unseen, copy_function=_link,
+                        dirs_exist_ok=True)  # fmt: skip
+    _merge_rows(both)
+    finish(both)
+    for path in both.rglob("*"):
+        if path.is_file() and not path.is_symlink():
+            shutil.copy(path, draft / path.relative_to(both))
+
+
+def _link(source: str, target: str) -> None:
+    Path(target).unlink(missing_ok=True)
+    os.symlink(source, target)
 
 
 def _keep_executed(draft: Path) -> None:

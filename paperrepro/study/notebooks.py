@@ -149,7 +149,7 @@ def execute(
 
     Raises `NotebookFailed`, which ends with ``hint``; ``target`` then holds it as far as it ran.
     """
-    logging.getLogger("papermill").setLevel(logging.ERROR)
+    logging.getLogger("papermill").setLevel(logging.CRITICAL)  # what fails is raised
     source = notebook if isinstance(notebook, NotebookNode) else str(notebook)
     try:
         papermill.execute_notebook(

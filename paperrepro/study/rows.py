@@ -48,6 +48,8 @@ TABLE1_PAIRS = (
 LEVER_ARM, FOUND = "D lever arm", "D noise found"
 #: The latter's mounting together with its trajectory; and the true mounting.
 ADJUSTED, TRUTH = "D trajectory adjusted", "truth"
+#: Significant digits of a study's numbers.
+DIGITS = 4
 #: Errors of a survey as the specifications say.
 SPECIFIED = "specified"
 #: Kinds of errors by the parameters of the simulation. All but ``smoother`` and ``outage`` have the
@@ -141,6 +143,16 @@ def write_csv(table: pd.DataFrame, folder: str | Path, name: str) -> Path | None
     with whole_file(path) as part:
         table.to_csv(part, index=False, float_format="%.10g")
     return path
+
+
+def rounded(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows with `DIGITS` significant digits: a study is kept, and what chance decides is not
+    written."""
+    short = {
+        column: [float(f"{number:.{DIGITS}g}") for number in rows[column]]
+        for column in ("value", "sigma")
+    }
+    return rows.assign(**short)
 
 
 def read_study(*paths: str | Path) -> pd.DataFrame:

@@ -24,7 +24,7 @@ from tqdm import tqdm
 from paperrepro._cache import cache_folder
 from paperrepro._files import require_folder
 from paperrepro.errors import BadInput
-from paperrepro.study.environment import ONE_THREAD, variables
+from paperrepro.study.environment import ONE_THREAD, temporary_files, variables
 from paperrepro.study.grid import SEED, Fingerprint, Point, points, read_grid
 from paperrepro.study.jobs import Job, NotebookJob, OtherVersion, Outcome, SurveyJob
 from paperrepro.study.kernel import stop_kernels
@@ -243,7 +243,7 @@ def _make(
     finished = Finished(runs)
     try:
         if waiting:
-            with cluster(scheduler, workers) as client:
+            with temporary_files(), cluster(scheduler, workers) as client:
                 number = _require_workers(client, job, wait_s, progress)
                 progress(f"{number} workers, dashboard {client.dashboard_link}")
                 drive(client, job, waiting, store, finished, wait_s, progress)

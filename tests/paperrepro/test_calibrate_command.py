@@ -174,8 +174,8 @@ def test_scenario_a_has_no_range_offsets_and_sl_says_what_its_sigma_are(folder, 
         (("F1",), (), "at least two"),
         (("F1", "F1"), (), "given twice"),
         (("F1", "F9"), (), "F9.laz: no such file"),
-        (("F1", "F2"), ("--scenario", "E"), "argument --scenario: invalid choice: 'E'"),
         (("F1", "F2"), ("--scenario", "SL", "--write-trajectory"), "needs scenario D"),
+        (("F1", "F2"), ("--scenario", "E"), "scenario 'E': expected one of SL, A, B, C, D"),
     ],
 )
 def test_bad_input_is_one_line_and_leaves_nothing(folder, tmp_path, capfd, strips, more, said):

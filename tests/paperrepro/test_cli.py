@@ -1,11 +1,13 @@
 """The command line: quick to help, one line for what is wrong, stopped in a line."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 import data_synth
@@ -13,7 +15,6 @@ from data_synth import operator, presets
 from paperrepro import cli
 from paperrepro.errors import NoConvergence
 from paperrepro.flight.calibrate import PLANES
-from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES
 
 COMMANDS = ("reproduce", "simulate", "calibrate", "apply", "sweep", "study", "cache")
 
@@ -44,7 +45,6 @@ def test_what_is_spelt_out_for_help_is_what_there_is():
     assert set(cli.PRESETS) == set(data_synth.PRESETS)
     assert set(cli.PROFILES) == set(data_synth.PROFILES)
     assert (cli.SCENES, cli.TERRAINS) == (presets.SCENES, presets.TERRAINS)
-    assert sorted(cli.SCENARIOS) == sorted(SCENARIO_NAMES)
     assert cli.PLANES == PLANES
     assert cli.SITE == (operator.LATITUDE_DEG, operator.LONGITUDE_DEG, operator.HEIGHT_M)
 
@@ -54,6 +54,14 @@ def test_each_command_has_an_example(capsys, command):
     with pytest.raises(SystemExit):
         cli.main([command, "--help"])
     assert f"Example: paperrepro {command} " in capsys.readouterr().out
+
+
+def test_help_shows_the_commands_and_an_example_of_each_in_the_order_of_work(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["--help"])
+    listed, examples = capsys.readouterr().out.split("Examples, ")
+    assert re.findall(r"^ {4}(\w+)", listed.partition("COMMAND\n")[2], re.M) == [*COMMANDS]
+    assert re.findall(r"^  paperrepro (\w+) ", examples, re.M) == [*COMMANDS]
 
 
 @pytest.mark.parametrize(
@@ -84,19 +92,48 @@ def test_bad_input_is_one_line(capsys, arguments, words):
     [
         (NoConvergence("no end"), 1, "no end"),
         (OSError(28, "No space left on device", "/x"), 1, "/x: No space left on device"),
-        (KeyError("what"), 1, "KeyError: 'what'; --verbose shows where"),
+        (KeyError("what"), 1, "KeyError: 'what'; this is a fault of the program: report it"),
+        (MemoryError("Unable to allocate 1 TiB"), 1, "out of memory (Unable to allocate 1 TiB)"),
         (KeyboardInterrupt(), 130, "stopped"),
     ],
 )
-def test_what_is_raised_is_one_line(monkeypatch, capsys, error, code, words):
-    def fails(options):
-        raise error
-
-    monkeypatch.setattr(cli, "_simulate", fails)
-    fails.__name__ = "_simulate"
+def test_what_is_raised_is_one_line(monkeypatch, tmp_path, capsys, error, code, words):
+    monkeypatch.setenv("PAPERREPRO_CACHE", str(tmp_path))
+    simulate_raises(monkeypatch, error)
     assert cli.main(["simulate", "--out", "x"]) == code
     (line,) = capsys.readouterr().err.splitlines()
     assert words in line
+
+
+def simulate_raises(monkeypatch, error):
+    def fails(options):
+        raise error
+
+    fails.__name__ = "_simulate"
+    monkeypatch.setattr(cli, "_simulate", fails)
+
+
+class Panic(BaseException):
+    """As a library of Rust raises it."""
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError("division\nby zero"), Panic("index")])
+def test_what_is_unforeseen_is_written_down(monkeypatch, tmp_path, capsys, error):
+    monkeypatch.setenv("PAPERREPRO_CACHE", str(tmp_path / "cache"))
+    simulate_raises(monkeypatch, error)
+    assert cli.main(["simulate", "--out", "x y"]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    (log,) = (tmp_path / "cache" / "faults").iterdir()
+    assert str(log) in line
+    text = log.read_text()
+    assert "paperrepro simulate --out 'x y'" in text
+    assert f"numpy: {np.__version__}" in text
+    assert "Traceback" in text
+    assert "in fails\n    raise error" in text
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("PAPERREPRO_CACHE", str(tmp_path / "file"))
+    assert cli.main(["simulate", "--out", "x y"]) == 1
+    assert "with what --verbose shows" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

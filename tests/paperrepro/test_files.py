@@ -118,3 +118,28 @@ def test_what_a_killed_process_left_is_cleared_by_the_next(tmp_path, moves, left
         write(draft, "next", "c")
         assert {(tmp_path / name).read_text() for name in "ab"} == {left}
     assert names(tmp_path) == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize("after", ["rename of the old", "rename of the new"])
+def test_files_of_before_are_there_again_after_a_signal(tmp_path, after):
+    """While results take their places."""
+    code = f"""
+import os, sys
+from pathlib import Path
+from paperrepro._files import written_whole
+out, seen = Path(sys.argv[1]), []
+def look(event, about):
+    if event == "os.rename" and (seen.append(about) or len(seen) == {3 + after.endswith("new")}):
+        raise KeyboardInterrupt
+sys.addaudithook(look)
+with written_whole(out) as draft:
+    for name in "abc":
+        (draft / name).write_text("new")
+"""
+    out = tmp_path / "out"
+    out.mkdir()
+    for name in "abc":
+        (out / name).write_text("old")
+    done = subprocess.run([sys.executable, "-c", code, str(out)], capture_output=True, text=True)
+    assert "KeyboardInterrupt" in done.stderr
+    assert {path.name: path.read_text() for path in out.iterdir()} == dict.fromkeys("abc", "old")

@@ -64,11 +64,13 @@ def calibrate(
         )
     estimator = scenarios.by_name(scenario)
     require_shared(tie_planes)
-    rejected, near = (), None
+    rejected, kept, near = (), None, None
     if robust:
         screening = screening or screen(survey, tie_planes)
         rejected, near = screening.rejected, screening.boresight
-        tie_planes = tie_planes.subset(screening.kept) if rejected else tie_planes
+        if rejected:
+            kept = screening.kept
+            tie_planes = tie_planes.subset(kept)
     if estimator.trajectory:
         few = tie_planes.thinned(estimator.points) if estimator.points else tie_planes
         result = trajectory_errors.calibrate_with_trajectory(
@@ -78,7 +80,7 @@ def calibrate(
         result = _judged(
             survey, tie_planes, scenarios.calibrate(survey, tie_planes, estimator, near)
         )
-    return replace(result, scenario=scenario, rejected=rejected)
+    return replace(result, scenario=scenario, rejected=rejected, kept=kept)
 
 
 def _judged(survey: Survey, tie_planes: TiePlanes, result: CalibrationResult) -> CalibrationResult:

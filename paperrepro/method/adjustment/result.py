@@ -123,11 +123,11 @@ class CalibrationResult:
     ``covariance`` (u, u) a posteriori, of the boresight (rad) and then the offsets (m);
     ``planes`` (G, 4) as (n, d) in the m-frame with ``covariance_planes`` (G, 4, 4); ``sigma0`` and
     ``dof``; RMS of each plane's points about their common plane before and after, (G,) m;
-    ``rejected`` faces, left out as wrong matches; ``first_step`` (3,) rad, the boresight after the
-    first iteration, but for D. Of scenario D alone: the ``trajectory``'s errors,
-    the factors on the specified sigma where variance ``components`` were estimated, the
-    ``lever_arm``, the ``clock`` and the ``beams`` where they were, and the ``reliability`` of each
-    view.
+    ``rejected`` faces, left out as wrong matches, and the ``kept`` ones, (F,) bool of those given,
+    None: all; ``first_step`` (3,) rad, the boresight after the first iteration, but for D. Of
+    scenario D alone: the ``trajectory``'s errors, the factors on the specified sigma where variance
+    ``components`` were estimated, the ``lever_arm``, the ``clock`` and the ``beams`` where they
+    were, and the ``reliability`` of each view.
     """
 
     scenario: str
@@ -147,6 +147,7 @@ class CalibrationResult:
     points_per_plane: np.ndarray
     observability: Observability
     rejected: tuple[Rejection, ...] = ()
+    kept: np.ndarray | None = None
     trajectory: TrajectoryErrors | None = None
     components: dict[str, float] | None = None
     first_step: np.ndarray | None = None
@@ -185,6 +186,10 @@ class CalibrationResult:
         """(u, u)."""
         sigma = np.sqrt(np.diag(self.covariance))
         return self.covariance / np.outer(sigma, sigma)
+
+    def adjusted(self, tie_planes: TiePlanes) -> TiePlanes:
+        """Of the ``tie_planes`` given to the adjustment, those that it kept."""
+        return tie_planes if self.kept is None else tie_planes.subset(self.kept)
 
     def residuals(self, tie_planes: TiePlanes) -> np.ndarray:
         """Signed distances (N,), m, of the points from their planes, as adjusted: under the

@@ -4,11 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
+from paperrepro import _compiled
 from paperrepro.errors import BadInput
 from paperrepro.flight.calibrate import calibrate_flight
 from paperrepro.method.accuracy import overlaps, pair_distances, rmse
+from paperrepro.method.adjustment.calibrate import calibrate
+from paperrepro.method.adjustment.screening import screen
 from paperrepro.method.coarse_to_fine import find_planes, sample_rays, tile_size
+from paperrepro.study.variants import with_wrong_match
 
 
 def part(survey, *names):
@@ -46,6 +51,32 @@ def test_planes_of_any_kind_find_the_truth(any_planes, flown):
     assert (slope < 6).any()  # ground
     assert (slope > 80).any()  # walls
     assert ((slope > 10) & (slope < 60)).sum() > 10
+
+
+def test_any_number_of_threads_gives_the_same_bits(any_planes, few, monkeypatch):
+    """BLAS's and ours: the whole calibration."""
+    blas = {
+        library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"
+    }
+    others = 1 if max(blas) > 1 else 2
+    monkeypatch.setattr(_compiled, "threads", lambda: others)
+    with threadpool_limits(others, "blas"):
+        again = calibrate_flight(few, "D", "any")
+    for name in ("boresight", "range_offsets", "covariance", "planes"):
+        np.testing.assert_array_equal(getattr(again.result, name), getattr(any_planes.result, name))
+    for pair, before in zip(again.distances, any_planes.distances, strict=True):
+        np.testing.assert_array_equal(pair.after, before.after)
+
+
+def test_faces_that_were_rejected_are_known_by_those_kept(flown):
+    found = flown.found.tie_planes
+    wrong = with_wrong_match(found, flown.found.mounting)
+    result = calibrate(flown.survey, wrong, "SL")
+    kept = result.adjusted(wrong)
+    assert len(kept.ranges) == len(wrong.ranges) - len(result.rejected) < len(wrong.ranges)
+    np.testing.assert_array_equal(screen(flown.survey, wrong).kept, result.kept)
+    assert len(result.residuals(kept)) == result.n_points
+    assert calibrate(flown.survey, found, "SL", robust=False).adjusted(found) is found
 
 
 def test_fewer_than_four_strips_leave_the_noise_as_specified_and_say_so(any_planes, flown):
