@@ -33,11 +33,7 @@ from paperrepro.study.rows import SurveyKey, frame
 
 NAME = "report.html"
 #: Verdicts of the ledger in their order, with the class of their chip.
-CHIPS = {
-    HOLDS: "holds", CONDITIONS: "partly", FAILS: "fails", "undecided": "open", UNTESTED: "untested",
-}  # fmt: skip
-#: Whose a claim is, by its kind in the ledger, if not the paper's.
-WHOSE = {"follows from what it prints": "Follows from it", OURS: "Claims of ours"}
+CHIPS = {HOLDS: "holds", CONDITIONS: "partly", FAILS: "fails", UNTESTED: "untested"}
 #: What stands at the top, and what can be turned beside the picture of an artefact.
 FIRST, TURNED = ("fig07", "errors_against_sigmas"), "fig09"
 #: Pictures are drawn for print, 88 or 180 mm wide at 300 dpi, and shown a quarter larger than that
@@ -262,18 +258,13 @@ def _claim(line: dict) -> dict:
 
 def _by_kind(claims: list[dict]) -> dict[str, dict[str, list[dict]]]:
     """Claims by whose they are, the paper's first, and by verdict in the order of `CHIPS`."""
-    whose = [WHOSE.get(claim["kind"], "The paper says") for claim in claims]
-    given = {claim["verdict"] for claim in claims}
+    kinds = {"Claims of the paper": [c for c in claims if c["kind"] != OURS]}
+    kinds["Claims of ours"] = [c for c in claims if c["kind"] == OURS]
+    names = dict.fromkeys([*CHIPS, *(c["verdict"] for c in claims)])
     return {
-        kind: {
-            name: [
-                c for c, of in zip(claims, whose, strict=True) if (of, c["verdict"]) == (kind, name)
-            ]
-            for name in CHIPS
-            if name in given
-        }
-        for kind in ("The paper says", *WHOSE.values())
-        if kind in whose
+        kind: {name: [c for c in of_kind if c["verdict"] == name] for name in names}
+        for kind, of_kind in kinds.items()
+        if of_kind
     }
 
 

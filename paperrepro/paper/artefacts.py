@@ -45,7 +45,7 @@ _FARM, _EQUATION, _ROOFS = "01_simulated_farm", "02_lidar_equation", "03_roof_ex
 _MATCHING, _CALIBRATION = "04_matching", "05_calibration"
 _REFINEMENT, _ACCURACY = "06_refinement", "07_accuracy"
 _SWEEP, _CLAIMS, _APPLICATIONS = "08_noise_sweep", "09_claims", "10_applications"
-_OWN, _START = "11_own_flight", "00_start_here"
+_OWN = "11_own_flight"
 _REDUCED = f"{100 * RMSE_REDUCTION['C'].value:.0f}\u00a0%"
 
 #: Every table and figure, first those of the paper in its order, then ours in the notebooks' order.
@@ -179,8 +179,6 @@ ARTEFACTS = (
              "Number of claims by verdict, the paper's and ours."),
     Artefact("ordering", "Which method is better", _CLAIMS,
              "Mean boresight error of each scenario over many surveys, with its interval."),
-    Artefact("views", "Residuals by view", _START,
-             "Mean residual of each view of a roof face after calibration by C, by strip."),
     Artefact("benchmarks", "Time of each stage", "",
              "Seconds over the number of points, on logarithmic scales: our stages, dashed the "
              "peers that do the same work; dotted a microsecond a point. Medians by `make bench`, "
