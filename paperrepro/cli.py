@@ -13,7 +13,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import partialmethod
 from pathlib import Path
 
 import paperrepro as pr
@@ -117,7 +116,8 @@ class _Parser(argparse.ArgumentParser):
             words += f" (default {shown})" if shown != "" else ""
         self.add_argument(name, default=default, help=words, **more)
 
-    flag = partialmethod(option, action="store_true")
+    def flag(self, name: str, words: str) -> None:
+        self.add_argument(name, action="store_true", help=words)
 
 
 def _parser() -> argparse.ArgumentParser:
