@@ -21,7 +21,6 @@ from PIL import Image
 from paperrepro.errors import BadInput
 from paperrepro.figures import pages, survey
 from paperrepro.paper.artefacts import ARTEFACTS, CAPTIONS, Values, caption
-from paperrepro.paper.reproduce import _NO_ARTEFACT
 from paperrepro.paper.verdicts import COLUMNS
 from paperrepro.study.rows import SurveyKey, frame
 
@@ -339,8 +338,8 @@ def test_every_artefact_that_a_notebook_writes_is_registered_with_it():
     registered = {artefact.name: artefact.notebook for artefact in ARTEFACTS}
     assert len(registered) == len(ARTEFACTS)
     for path in sorted((ROOT / "notebooks").glob("[0-9]*.ipynb")):
-        if any(path.match(pattern) for pattern in _NO_ARTEFACT):
-            continue
+        if path.name.startswith("00"):
+            continue  # recipes, which `reproduce` leaves out
         cells_of = json.loads(path.read_text(encoding="utf-8"))["cells"]
         code = "\n".join("".join(c["source"]) for c in cells_of if c["cell_type"] == "code")
         names = re.findall(r'(?:save|write_csv)\(\s*\w+, figures_dir, "(\w+)"', code)
