@@ -21,8 +21,7 @@ from paperrepro.errors import BadInput, PaperReproError
 
 # What can be chosen, spelt out so that --help need not load what offers it; a test compares them.
 PRESETS, PROFILES = ("mount", "table4"), ("quick", "paper")
-SCENES = ("farm", "forest", "yard", "fields")
-TERRAINS = ("rolling", "natural")
+SCENES, TERRAINS = ("farm", "forest", "yard", "fields"), ("rolling", "natural")
 PLANES = "auto", "gables", "any"
 SITE = -25.754444, -49.394167, 900.0
 #: Where `study` leaves its rows: the ledger reads them there.
@@ -117,6 +116,9 @@ class _Parser(argparse.ArgumentParser):
             words += f" (default {shown})" if shown != "" else ""
         self.add_argument(name, default=default, help=words, **more)
 
+    def flag(self, name: str, words: str) -> None:
+        self.add_argument(name, action="store_true", help=words)
+
 
 def _parser() -> argparse.ArgumentParser:
     how = argparse.RawDescriptionHelpFormatter
@@ -154,13 +156,12 @@ def _survey(command: _Parser, seed: int | None = 1, words: str = "of the survey"
 def _strips(command: _Parser) -> None:
     """An operator's files, and where what is made of them goes."""
     command.option("strips", "LAS or LAZ files", nargs="+", type=Path, metavar="STRIP")
-    words = "SBET; not needed where the strips hold a pose for each point"
-    command.option("--trajectory", words, type=Path, metavar="FILE")
-    words = "mounting.toml: the nominal one"
-    command.option("--mounting", words, type=Path, required=True, metavar="FILE")
+    command.option("--trajectory", "SBET, unless the points hold poses", type=Path, metavar="FILE")
+    command.option("--mounting", "nominal mounting.toml", type=Path, required=True, metavar="FILE")
     command.option("--crs", "of the strips, as EPSG:31982; else their header's")
     command.option("--ring-dimension", "where a point's ring stands", "user_data", metavar="NAME")
     command.option("--out", "written whole", type=Path, required=True, metavar="DIR")
+    command.flag("--mounting-only", "strips are written with the trajectory as reported")
 
 
 def _workers(command: _Parser) -> None:
@@ -168,8 +169,7 @@ def _workers(command: _Parser) -> None:
     command.option("--workers", "processes here; else one a core", type=int)
     command.option("--scheduler", "a Dask scheduler that is running", metavar="tcp://HOST:PORT")
     command.option("--wait", "how long its workers are waited for", 60.0, metavar="SECONDS")
-    words = "make anew what has failed before"
-    command.add_argument("--retry-failed", action="store_true", help=words)
+    command.flag("--retry-failed", "make anew what has failed before")
 
 
 def _work(options: argparse.Namespace) -> dict:
@@ -260,7 +260,7 @@ def _simulate_options(commands) -> None:
     words = "write a simulated survey as an operator has it: LAZ, SBET, mounting"
     command = _command(commands, _simulate, words, "--out flight", ".study.simulated open3d")
     command.option("--out", "written whole", type=Path, required=True, metavar="DIR")
-    command.add_argument("--force", action="store_true", help="replace files that are there")
+    command.flag("--force", "replace files that are there")
     _survey(command)
     command.option("--scene", "what is flown over", "farm", choices=SCENES)
     command.option("--terrain", "how the ground runs", "rolling", choices=TERRAINS)
@@ -306,15 +306,12 @@ def _calibrate_options(commands) -> None:
     _strips(command)
     words = "SL, A, B, C of the paper, D, ours, or as 'B 3', three points a face"
     command.option("--scenario", words, "D", metavar="NAME")
-    words = "gable roofs, patches of any kind, or gables where there are enough"
-    command.option("--planes", words, "auto", choices=PLANES)
-    words = "write the strips under the new mounting, too"
-    command.add_argument("--write-strips", action="store_true", help=words)
-    words = "estimate the lever arm, too (D); the given one is its prior"
-    command.add_argument("--lever-arm", action="store_true", help=words)
+    command.option("--planes", "gable roofs, or patches of any kind", "auto", choices=PLANES)
+    command.flag("--write-strips", "write the strips, too: new mounting, adjusted trajectory (D)")
+    command.flag("--write-trajectory", "write the adjusted trajectory, too (D): SBET, SMRMSG")
+    command.flag("--lever-arm", "estimate the lever arm, too (D); the given one is its prior")
     command.option("--accuracy", "SMRMSG of the trajectory", type=Path, metavar="FILE")
-    words = "parameters of Table 2, such as growing_angle_deg=2, or a TOML file of such lines"
-    command.option("--set", words, "", metavar="NAME=VALUE,…")
+    command.option("--set", "parameters of Table 2, or a TOML file", "", metavar="NAME=VALUE,…")
 
 
 def _calibrate(options: argparse.Namespace) -> int:
@@ -322,6 +319,8 @@ def _calibrate(options: argparse.Namespace) -> int:
     parameters = pr.method.parameters.Parameters.read(options.set)
     if options.write_strips:
         pr.flight.read.require_apart(options.strips, options.out)
+    if options.write_trajectory and (options.scenario[0] != "D" or not options.trajectory):
+        raise BadInput("--write-trajectory: needs scenario D and --trajectory; give both")
     calibration, pages = pr.flight.calibration_file, pr.figures.pages
     with written_whole(options.out) as draft, _Steps(options) as steps:
         steps("reading")
@@ -335,16 +334,19 @@ def _calibrate(options: argparse.Namespace) -> int:
             flight, options.scenario, options.planes, steps, parameters, options.lever_arm
         )
         steps("report")
-        calibration.write(own, draft / calibration.NAME, notes=list(flight.notes))
+        errors, files = own.result.trajectory, None
+        if options.write_trajectory:
+            files = pr.flight.sbet.write_adjusted(options.trajectory, flight.frame, errors, draft)
+        calibration.write(own, draft / calibration.NAME, notes=list(flight.notes), trajectory=files)
         pictures = pr.figures.flight.pictures(own)
         page = pr.figures.flight.page(own, pictures, _files(options), flight.notes)
         write_text(draft / pages.NAME, page)
         if options.write_strips:
             steps("adjusted strips")
-            pr.flight.write.write_strips(flight, own.result.calibrated, draft)
-    say = _say(options)
-    say(f"{options.out}: {calibration.NAME}, {pages.NAME}")
-    say("\n".join([*flight.notes, own.summary()]))
+            correct = errors.poses if errors and not options.mounting_only else None
+            pr.flight.write.write_strips(flight, own.result.calibrated, draft, correct)
+    first = f"{options.out}: {calibration.NAME}, {pages.NAME}"
+    _say(options)("\n".join([first, *flight.notes, own.summary()]))
     return 0
 
 
@@ -366,15 +368,14 @@ def _apply_options(commands) -> None:
         ".flight.read .flight.write",
     )  # fmt: skip
     _strips(command)
-    words = "calibration.json"
-    command.option("--calibration", words, type=Path, required=True, metavar="FILE")
+    command.option("--calibration", "calibration.json", type=Path, required=True, metavar="FILE")
 
 
 def _apply(options: argparse.Namespace) -> int:
     say = _say(options)
     applied = pr.apply_calibration(
         options.strips, options.trajectory, options.mounting, options.calibration, options.out,
-        crs=options.crs, ring_dimension=options.ring_dimension,
+        crs=options.crs, ring_dimension=options.ring_dimension, mounting_only=options.mounting_only,
     )  # fmt: skip
     for note in applied.notes:
         say(f"note: {note}")

@@ -78,6 +78,7 @@ def document(own: OwnFlight) -> dict:
         "strip_pairs": [_pair(pair) for pair in own.distances],
         "rejected": [_rejected(face) for face in own.rejected],
         "clock": None if result.clock is None else vars(result.clock).copy(),
+        "trajectory": None,
         "beams": None if result.beams is None else _beams(result.beams),
         "checks": [_check(check) for check in own.checks],
         "remarks": list(own.remarks),
@@ -161,9 +162,11 @@ def _check(check: Check) -> dict:
 
 @dataclass(frozen=True)
 class Calibration:
-    """A file's ``mounting``, and ``notes`` on what it says of itself, a sentence each."""
+    """A file's ``mounting``, the adjusted ``trajectory`` that it names, and ``notes`` on what it
+    says of itself, a sentence each."""
 
     mounting: Mounting
+    trajectory: Path | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -196,14 +199,17 @@ def read_calibration(path: Path, nominal: Mounting, scanner: Scanner | None = No
             )
         mounting = replace(mounting, lever_arm=lever_arm)
     _require_same(content, nominal, scanner, path)
+    notes = []
     seen = content.get("observability")
     unseen = seen.get("undetermined") if isinstance(seen, dict) else None
     if isinstance(unseen, list) and unseen:
         angles = ", ".join(map(str, unseen))
-        return Calibration(
-            mounting, (f"{path}: says of itself that its flight did not determine {angles}",)
-        )
-    return Calibration(mounting)
+        notes.append(f"{path}: says of itself that its flight did not determine {angles}")
+    named = _optional(content, "trajectory", "sbet")
+    if not isinstance(named, str | None):
+        raise BadInput(f"{path}: trajectory: expected the name of an SBET, got {short(named)}; "
+                       f"{REMEDY}")  # fmt: skip
+    return Calibration(mounting, path.parent / Path(named).name if named else None, tuple(notes))
 
 
 def _load(path: Path) -> dict:

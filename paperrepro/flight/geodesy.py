@@ -64,13 +64,24 @@ class LocalFrame:
     def attitude_from_level(self, latitude, longitude, attitude) -> np.ndarray:
         """Attitudes (N, 3) rad against the m-frame, of attitudes against the local level and true
         north at ``latitude``, ``longitude`` (N,) rad. Roll, pitch, heading both."""
-        turn = _level_axes(self.latitude, self.longitude) @ np.swapaxes(
-            _level_axes(np.asarray(latitude), np.asarray(longitude)), -1, -2
-        )  # level at the pose to m
-        R = turn @ attitude_matrix(*np.asarray(attitude, float).T)
-        roll = np.arctan2(-R[:, 2, 1], -R[:, 2, 2])
-        pitch = np.arctan2(R[:, 2, 0], np.hypot(R[:, 2, 1], R[:, 2, 2]))
-        return np.column_stack([roll, pitch, np.arctan2(R[:, 0, 0], R[:, 1, 0])])
+        return _turned(self._from_level(latitude, longitude), attitude)
+
+    def attitude_to_level(self, latitude, longitude, attitude) -> np.ndarray:
+        """The inverse of `attitude_from_level`."""
+        return _turned(np.swapaxes(self._from_level(latitude, longitude), -1, -2), attitude)
+
+    def _from_level(self, latitude, longitude) -> np.ndarray:
+        """(N, 3, 3), local level at the pose to m."""
+        here = _level_axes(self.latitude, self.longitude)
+        return here @ np.swapaxes(_level_axes(np.asarray(latitude), np.asarray(longitude)), -1, -2)
+
+
+def _turned(turn: np.ndarray, attitude) -> np.ndarray:
+    """Attitudes (N, 3) rad against other axes."""
+    R = turn @ attitude_matrix(*np.asarray(attitude, float).T)
+    roll = np.arctan2(-R[:, 2, 1], -R[:, 2, 2])
+    pitch = np.arctan2(R[:, 2, 0], np.hypot(R[:, 2, 1], R[:, 2, 2]))
+    return np.column_stack([roll, pitch, np.arctan2(R[:, 0, 0], R[:, 1, 0])])
 
 
 def _level_axes(latitude, longitude) -> np.ndarray:

@@ -1,4 +1,5 @@
-"""Strips under another mounting: every point moved by Eq. (1), every other dimension untouched.
+"""Strips under another mounting, and with an adjusted trajectory: every point moved by Eq. (1),
+every other dimension untouched.
 
 A point is taken back to the laser under the nominal mounting, as when it was read, with its own
 elevation and not the beam table's. So the nominal mounting gives the file's own coordinates back,
@@ -6,7 +7,7 @@ to the last digit. Points that are no rays of this flight (pulses without a retu
 trajectory does not cover) stay where they are.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,9 +22,12 @@ from paperrepro.flight.calibration_file import read_calibration
 from paperrepro.flight.las import FILE_ERRORS, SOFTWARE, StripFile, first_line, opened
 from paperrepro.flight.mounting import read_mounting
 from paperrepro.flight.read import Flight, read_flight, require_apart
+from paperrepro.flight.sbet import adjustment
 from paperrepro.method.georeference import georeference
 from paperrepro.survey import Mounting, Rays
 
+#: Poses (N, 6) in place of those reported, of times (N,) s and these.
+Correct = Callable[[np.ndarray, np.ndarray], np.ndarray]
 #: Records of cloud-optimised point clouds: their index would not fit the points once moved.
 COPC = "copc"
 
@@ -47,6 +51,7 @@ def apply_calibration(
     *,
     crs: str | None = None,
     ring_dimension: str = "user_data",
+    mounting_only: bool = False,
 ) -> Applied:
     """Write strips anew under a calibration: all of them, or none.
 
@@ -64,6 +69,8 @@ def apply_calibration(
         Folder to write into, under the files' own names.
     crs, ring_dimension
         As for `read_flight`.
+    mounting_only : bool
+        Poses stay as reported, though the calibration has an adjusted trajectory.
 
     Returns
     -------
@@ -82,7 +89,10 @@ def apply_calibration(
     flight = read_flight(strips, trajectory, mounting, crs=crs, ring_dimension=ring_dimension)
     survey = flight.survey
     calibrated = read_calibration(calibration, survey.mounting, survey.scanner)
-    written = write_strips(flight, calibrated.mounting, out)
+    correct = None
+    if calibrated.trajectory and trajectory is not None and not mounting_only:
+        correct = adjustment(Path(trajectory), calibrated.trajectory, flight.frame)
+    written = write_strips(flight, calibrated.mounting, out, correct)
     points = sum(file.count for file in flight.files)
     return Applied(tuple(written), points, (*early.notes, *flight.notes, *_copc_notes(flight)))
 
@@ -105,28 +115,33 @@ def require_writable(flight: Flight, out: str | Path) -> None:
     require_apart([file.path for file in flight.files], out)
 
 
-def write_strips(flight: Flight, mounting: Mounting, out: str | Path) -> list[Path]:
+def write_strips(
+    flight: Flight, mounting: Mounting, out: str | Path, correct: Correct | None = None
+) -> list[Path]:
     """Write the flight's files anew into folder ``out``, under ``mounting``: all of them, or none.
 
-    The names stay; range offsets go by beam of `Scanner.beam_elevations`. Raises as
+    ``correct`` as `Correct`, by default poses stay as reported. The names stay; range offsets go by
+    beam of `Scanner.beam_elevations`. Raises as
     `require_writable`, and `BadInput` where ``out`` cannot be written.
     """
     out = Path(out)
     require_writable(flight, out)
     with written_whole(out) as folder:
         for file in flight.files:
-            _write_file(flight, file, mounting, folder / file.path.name)
+            _write_file(flight, file, mounting, folder / file.path.name, correct)
     return [out / file.path.name for file in flight.files]
 
 
-def _write_file(flight: Flight, file: StripFile, mounting: Mounting, target: Path) -> None:
+def _write_file(
+    flight: Flight, file: StripFile, mounting: Mounting, target: Path, correct: Correct | None
+) -> None:
     try:
         with opened(file.path) as reader:
             evlrs = _without_copc(reader.evlrs or [])
             header = _header_to_write(reader.header)
             with laspy.open(target, mode="w", header=header) as writer:
                 for chunk in file.chunks():
-                    _move(flight, file, chunk, mounting)
+                    _move(flight, file, chunk, mounting, correct)
                     writer.write_points(chunk)
                 if evlrs:
                     writer.write_evlrs(laspy.vlrs.vlrlist.VLRList(evlrs))
@@ -159,21 +174,27 @@ def _without_copc(records) -> list:
     return [record for record in records if record.user_id.strip("\0 ").lower() != COPC]
 
 
-def _move(flight: Flight, file: StripFile, chunk, mounting: Mounting) -> None:
+def _move(
+    flight: Flight, file: StripFile, chunk, mounting: Mounting, correct: Correct | None
+) -> None:
     xyz = np.column_stack([chunk.x, chunk.y, chunk.z])
-    moved, p_m = moved_points(flight, file, chunk, mounting)
+    moved, p_m = moved_points(flight, file, chunk, mounting, correct)
     xyz[moved] = file.grid.from_geodetic(*flight.frame.to_geodetic(p_m[moved]))
     chunk.x, chunk.y, chunk.z = xyz.T
 
 
 def moved_points(
-    flight: Flight, file: StripFile, chunk, mounting: Mounting
+    flight: Flight, file: StripFile, chunk, mounting: Mounting, correct: Correct | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Which records of ``chunk`` are rays, (N,) bool, and where these go, (N, 3) m, m-frame of the
     flight (heights as in the file)."""
     decoder = flight.decoder
     rays = decoder.decode(file, file.decoded(chunk))
-    seen = Rays(rays.pose, rays.ring, rays.azimuth, rays.elevation, rays.rho)
+    pose = rays.pose
+    if correct is not None:
+        pose = pose.copy()
+        pose[rays.timed] = correct(rays.time[rays.timed], pose[rays.timed])
+    seen = Rays(pose, rays.ring, rays.azimuth, rays.elevation, rays.rho)
     p_m = georeference(seen, _for_all_rings(mounting, flight.survey.scanner.n_rings))
     return rays.timed & ray_test.is_return(rays.rho), p_m - decoder.shift
 

@@ -54,6 +54,8 @@ TABLE1_PAIRS = (
 )  # fmt: skip
 #: Scenario D with the lever arm as an unknown; and under the noise that it finds in the data.
 LEVER_ARM, FOUND = "D lever arm", "D noise found"
+#: The latter's mounting together with its trajectory; and the true mounting.
+ADJUSTED, TRUTH = "D trajectory adjusted", "truth"
 #: Significant digits of a study's numbers.
 DIGITS = 4
 #: Errors of a survey as the specifications say.

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from data_synth import SimulationConfig, Truth, make_config, simulate
-from data_synth.evaluation import ViewTruth, judge_views, true_planes
+from data_synth.evaluation import ViewTruth, judge_views, trajectory_error, true_planes
 from data_synth.navigation import ATTITUDE_SIGMA, CORRELATION_TIME, POSITION_SIGMA
 from paperrepro._cache import cached
 from paperrepro.errors import BadInput
@@ -32,7 +32,7 @@ from paperrepro.method.adjustment.model_checks import model_checks
 from paperrepro.method.adjustment.quality import TrueNoise, cramer_rao_bound
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.trajectory_equations import AXES, GaussMarkov
-from paperrepro.method.adjustment.trajectory_errors import few_planes, find_noise
+from paperrepro.method.adjustment.trajectory_errors import NODE_SPACING, few_planes, find_noise
 from paperrepro.method.coarse_to_fine import (
     Candidates,
     PlaneSurvey,
@@ -44,6 +44,7 @@ from paperrepro.method.coarse_to_fine import (
 )
 from paperrepro.method.georeference import georeference
 from paperrepro.study.rows import (
+    ADJUSTED,
     BETWEEN,
     BOUND,
     CENTROIDS,
@@ -54,6 +55,7 @@ from paperrepro.study.rows import (
     MANY,
     SEGMENTATION,
     SPECIFIED,
+    TRUTH,
     WITHOUT_OFFSETS,
     SurveyKey,
     mistaken_name,
@@ -76,6 +78,8 @@ ESTIMATORS = tuple(
     dict.fromkeys([*SCENARIO_NAMES, *FEW.values(), *MANY.values(), CENTROIDS, WITHOUT_OFFSETS])
 )
 TO_REFINE = tuple(each for reading in (FEW, MANY) for x, each in reading.items() if x != "SL")
+#: Of all points and poses one in so many is measured against the truth.
+EVERY = 10
 #: Factors by which scenario D is told a wrong specification of the GNSS/INS.
 MISTAKEN = (0.5, 2.0)
 
@@ -364,6 +368,38 @@ def _add_found(rows: SurveyRows, flown: SimulatedSurvey) -> None:
         for check in checks:
             rows.add(FOUND, f"check_{check.name}", not check.passed)
         rows.add(FOUND, "contradicted", not all(check.passed for check in checks))
+        _add_adjusted(rows, flown, result)
+
+
+def _add_adjusted(rows: SurveyRows, flown: SimulatedSurvey, result: CalibrationResult) -> None:
+    """3D RMS error of all points under the true mounting and the trajectory as reported, under D's
+    mounting, and under its trajectory, too; and how often the correction of the trajectory lies
+    within its 95 % interval, where points were adjusted and in gaps."""
+    survey, truth, errors = flown.survey, flown.truth, result.trajectory
+    squares = {TRUTH: [], FOUND: [], ADJUSTED: []}
+    for strip in survey.strips:
+        rays = survey.rays(strip, np.arange(0, len(strip), EVERY))
+        pose = truth.trajectory.at(rays.time - truth.scanner_errors.clock_delay)
+        p_m = georeference(replace(rays, pose=pose), truth.mounting)
+        adjusted = errors.apply(rays)
+        for name, sight, mounting in (
+            (TRUTH, rays, truth.mounting), (FOUND, rays, result.calibrated),
+            (ADJUSTED, adjusted, result.calibrated),
+        ):  # fmt: skip
+            off = georeference(sight, mounting) - p_m
+            squares[name].append(np.square(off).sum(axis=1))
+    for name, of_strips in squares.items():
+        rows.add(name, "rms_3d", np.sqrt(np.concatenate(of_strips).mean()), "m")
+    time = survey.trajectory.time[::EVERY]
+    correction, sigma = errors.at(time - errors.delay)
+    missed = correction + trajectory_error(survey, truth)[::EVERY]
+    covered = np.abs(missed) < 1.96 * sigma
+    after = np.clip(np.searchsorted(errors.time, time), 1, len(errors.time) - 1)
+    away = np.minimum(np.abs(errors.time[after] - time), np.abs(time - errors.time[after - 1]))
+    seen = away <= NODE_SPACING
+    for where, times in (("observed", seen), ("gaps", ~seen)):
+        if times.any():
+            rows.add(ADJUSTED, f"covered_{where}", covered[times].mean())
 
 
 def _under_found_noise(survey: Survey, found: PlaneSurvey) -> CalibrationResult:

@@ -2,13 +2,19 @@
 
 import json
 import re
+import shutil
+import tomllib
 from dataclasses import replace
 
+import laspy
 import numpy as np
 import pytest
 
 from data_synth.operator import Site, write_survey
 from paperrepro.cli import main
+from paperrepro.flight.sbet import read_accuracy
+from paperrepro.frames import boresight_matrix
+from tests.paperrepro.labelled import NAVIGATION
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +42,7 @@ def calibrate(folder, out, *more, strips=("F1", "F2", "F7", "F8")):
 @pytest.fixture(scope="module")
 def done(folder, tmp_path_factory):
     out = tmp_path_factory.mktemp("done") / "calibrated"
-    assert calibrate(folder, out, "--write-strips") == 0
+    assert calibrate(folder, out, "--write-strips", "--write-trajectory") == 0
     return out
 
 
@@ -84,7 +90,75 @@ def test_the_report_is_one_page_with_everything_on_it(done):
 
 def test_adjusted_strips_are_beside_them(done):
     names = sorted(path.name for path in done.iterdir())
-    assert names == ["F1.laz", "F2.laz", "F7.laz", "F8.laz", "calibration.json", "report.html"]
+    assert names == [
+        "F1.laz", "F2.laz", "F7.laz", "F8.laz", "calibration.json", "report.html",
+        "trajectory.sbet", "trajectory.smrmsg",
+    ]  # fmt: skip
+
+
+def test_the_adjusted_trajectory_has_rate_and_span_of_the_given_one(folder, done):
+    found = json.loads((done / "calibration.json").read_text())
+    files = [folder / "mission.sbet", done / found["trajectory"]["sbet"]]
+    before, after = (np.fromfile(file, "<f8").reshape(-1, 17) for file in files)
+    np.testing.assert_allclose(before[:, 0] - after[:, 0], found["clock"]["delay"], atol=1e-9)
+    np.testing.assert_array_equal(before[:, [4, 5, 6, *range(10, 17)]],
+                                  after[:, [4, 5, 6, *range(10, 17)]])  # fmt: skip
+    moved = np.abs(after - before)
+    assert 1e-3 < moved[:, 3].max() < 0.3
+    assert 1e-5 < np.degrees(moved[:, 9]).max() < 0.5
+    accuracy = np.fromfile(done / found["trajectory"]["accuracy"], "<f8").reshape(-1, 10)
+    np.testing.assert_array_equal(accuracy[:, 0], after[:, 0])
+    navigation = read_accuracy(done / found["trajectory"]["accuracy"], NAVIGATION, after[:, 0])
+    assert (navigation.attitude_sigma < 2 * NAVIGATION.attitude_sigma).all()
+
+
+def apply(folder, done, out, *more):
+    strips = [str(folder / f"{name}.laz") for name in ("F1", "F2", "F7", "F8")]
+    return main(
+        [
+            "apply", *strips, "--trajectory", str(folder / "mission.sbet"), "--mounting",
+            str(folder / "mounting.toml"), "--calibration", str(done / "calibration.json"),
+            "--out", str(out), *more,
+        ]
+    )  # fmt: skip
+
+
+def test_apply_takes_mounting_and_trajectory_or_the_mounting_alone(folder, done, tmp_path):
+    assert apply(folder, done, tmp_path / "both") == 0
+    assert apply(folder, done, tmp_path / "alone", "--mounting-only") == 0
+    written, both, alone = (laspy.read(d / "F2.laz").xyz for d in
+                            (done, tmp_path / "both", tmp_path / "alone"))  # fmt: skip
+    assert np.abs(both - written).max() < 3e-4  # of a coordinate's resolution
+    assert 0.005 < np.linalg.norm(alone - written, axis=1).max() < 1.0
+
+
+def test_a_second_calibration_finds_zero(folder, done, tmp_path):
+    """On the adjusted strips, under the adjusted trajectory and the calibrated mounting."""
+    found = json.loads((done / "calibration.json").read_text())
+    given = tomllib.loads((folder / "mounting.toml").read_text())["nominal"]
+    angles = np.radians([found["boresight_deg"][name] for name in ("omega", "phi", "kappa")])
+    rotation = boresight_matrix(angles, np.array(given["rotation"], float))
+    lines = f"rotation = {rotation.tolist()}\nlever_arm_m = {found['lever_arm_m']}\n"
+    for name in ("F1", "F2", "F7", "F8"):
+        shutil.copy(done / f"{name}.laz", tmp_path)
+    shutil.copy(done / "trajectory.sbet", tmp_path / "mission.sbet")
+    (tmp_path / "mounting.toml").write_text(f"[nominal]\n{lines}")
+    assert calibrate(tmp_path, tmp_path / "again") == 0
+    again = json.loads((tmp_path / "again/calibration.json").read_text())
+    for angle, value in again["boresight_deg"].items():
+        assert abs(value) < found["sigma_deg"][angle]
+    assert np.abs(again["range_offsets_m"]).max() < 0.002
+    assert abs(again["rmse_after_m"] - again["rmse_before_m"]) < 0.002
+
+
+def test_an_adjusted_trajectory_of_another_flight_is_refused(folder, done, tmp_path, capfd):
+    for name in ("calibration.json", "trajectory.sbet"):
+        shutil.copy(done / name, tmp_path)
+    table = np.fromfile(tmp_path / "trajectory.sbet", "<f8").reshape(-1, 17)
+    table[:, 3] += 50.0
+    table.tofile(tmp_path / "trajectory.sbet")
+    assert apply(folder, tmp_path, tmp_path / "out") == 2
+    assert "another flight" in capfd.readouterr().err
 
 
 def test_scenario_a_has_no_range_offsets_and_sl_says_what_its_sigma_are(folder, tmp_path):
@@ -100,6 +174,7 @@ def test_scenario_a_has_no_range_offsets_and_sl_says_what_its_sigma_are(folder, 
         (("F1",), (), "at least two"),
         (("F1", "F1"), (), "given twice"),
         (("F1", "F9"), (), "F9.laz: no such file"),
+        (("F1", "F2"), ("--scenario", "SL", "--write-trajectory"), "needs scenario D"),
         (("F1", "F2"), ("--scenario", "E"), "scenario 'E': expected one of SL, A, B, C, D"),
     ],
 )

@@ -8,30 +8,112 @@ from paperrepro.errors import BadInput
 from paperrepro.frames import ANGLES, AXIS_WORDS
 from paperrepro.method.adjustment.observability import Observability
 from paperrepro.method.adjustment.quality import Reliability
-from paperrepro.method.adjustment.trajectory_equations import Beams, Clock, LeverArm
+from paperrepro.method.adjustment.trajectory_equations import (
+    Beams,
+    Clock,
+    GaussMarkov,
+    LeverArm,
+)
 from paperrepro.method.georeference import georeference
 from paperrepro.method.tie_planes import Rejection, TiePlanes
-from paperrepro.survey import Mounting, Rays
+from paperrepro.survey import Mounting, Rays, Trajectory
+
+#: Times at which the trajectory's error is reckoned at once.
+BLOCK = 65536
 
 
 @dataclass(frozen=True)
 class TrajectoryErrors:
-    """What scenario D finds of the trajectory's error: at nodes ``time`` (K,) s the ``correction``
-    (K, 6) to be added to the reported pose, m and rad, ``constant`` (6,) of it all the time, the
-    ``sigma`` (K, 6) of the part that changes; before the data, these had ``prior_sigma`` (6,) and
-    ``constant_sigma`` (6,)."""
+    """What scenario D finds of the trajectory's error: what must be added to the reported pose,
+    m and rad.
+
+    At nodes ``time`` (K,) s the ``error`` (K, P, 6) of each of the ``processes``; ``covariance``
+    (P, K, P, 6), at [s, k, p], of process p with process p + s at the same node, and ``beside``
+    (P, K - 1, P, 6) at the next; ``constant`` (6,) all the time, with ``constant_sigma`` (6,)
+    before the data. Points have the poses of ``delay`` s later, where the laser's clock was an
+    unknown: those of the trajectory ``reported``.
+    """
 
     time: np.ndarray
-    correction: np.ndarray
-    sigma: np.ndarray
+    error: np.ndarray
+    covariance: np.ndarray
+    beside: np.ndarray
+    processes: tuple[GaussMarkov, ...]
     constant: np.ndarray
-    prior_sigma: np.ndarray
     constant_sigma: np.ndarray
+    delay: float = 0.0
+    reported: Trajectory | None = None
+
+    @property
+    def correction(self) -> np.ndarray:
+        """(K, 6) at the nodes, all parts together."""
+        return self.error.sum(axis=1) + self.constant
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """(K, 6) at the nodes, of the part that changes: a constant's goes with the boresight's."""
+        return np.sqrt(np.maximum(self.covariance.sum(axis=(0, 2)), 0.0))
+
+    @property
+    def prior_sigma(self) -> np.ndarray:
+        """(6,) of the part that changes, before the data."""
+        return np.sqrt(sum(np.square(process.sigma) for process in self.processes))
+
+    def at(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Correction and sigma, both (N, 6) m and rad, at ``time`` (N,) s of the laser.
+
+        Between nodes the processes' conditional mean, whose sigma grows away from them; where no
+        node is near, and beyond the last, what is known fades to zero.
+        """
+        time = np.asarray(time, float)
+        parts = [self._at(time[first : first + BLOCK]) for first in range(0, len(time), BLOCK)]
+        mean, variance = map(np.concatenate, zip(*parts, strict=True))
+        return mean, np.sqrt(np.maximum(variance, 0.0))
+
+    def _at(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        before = np.clip(np.searchsorted(self.time, time, "right") - 1, 0, len(self.time) - 2)
+        first, last = self.time[before], self.time[before + 1]
+        inside = np.clip(time, first, last)
+        mean, variance = np.tile(self.constant, (len(time), 1)), np.zeros((len(time), 6))
+        shares = []
+        for p, process in enumerate(self.processes):
+            tau, at_nodes = process.correlation_time, process.factor(self.time)
+            to_first, to_last, gap, away = (
+                np.exp(-np.abs(lag)[:, None] / tau)
+                for lag in (inside - first, last - inside, last - first, time - inside)
+            )
+            known, factor = away / (1 - gap**2), process.factor(time)
+            of_first = (1 - to_last**2) * to_first * known
+            of_last = (1 - to_first**2) * to_last * known
+            explained = away * (of_first * to_first + of_last * to_last)
+            variance += np.square(process.sigma * factor) * (1 - explained)
+            of_first, of_last = (
+                share * factor / at_nodes[node]
+                for share, node in ((of_first, before), (of_last, before + 1))
+            )
+            mean += of_first * self.error[before, p] + of_last * self.error[before + 1, p]
+            shares.append((of_first, of_last))
+        for p, (of_first, of_last) in enumerate(shares):
+            for s in range(len(shares)):
+                other_first, other_last = shares[(p + s) % len(shares)]
+                variance += of_first * other_first * self.covariance[s, before, p]
+                variance += of_last * other_last * self.covariance[s, before + 1, p]
+                variance += 2 * of_first * other_last * self.beside[s, before, p]
+        return mean, variance
+
+    def poses(self, time: np.ndarray, pose: np.ndarray) -> np.ndarray:
+        """Corrected poses (N, 6) of points at ``time`` (N,) s with reported poses ``pose`` (N, 6),
+        the laser's delay removed."""
+        if self.reported is not None:
+            times = self.reported.time
+            later = self.reported.at(np.clip(time + self.delay, times[0], times[-1]))
+            later[:, 5] += 2 * np.pi * np.round((pose[:, 5] - later[:, 5]) / (2 * np.pi))
+            pose = later
+        return pose + self.at(time)[0]
 
     def apply(self, rays: Rays) -> Rays:
-        """The rays with corrected poses; beyond the nodes the nearest correction holds."""
-        shift = [np.interp(rays.time, self.time, column) for column in self.correction.T]
-        return replace(rays, pose=rays.pose + np.column_stack(shift))
+        """The rays with corrected poses."""
+        return replace(rays, pose=self.poses(rays.time, rays.pose))
 
 
 @dataclass(frozen=True, repr=False)

@@ -373,7 +373,7 @@ class Likelihood:
         return out
 
     def _gradient(self, logs, noise: Noise, step: Step, quadratic: float) -> np.ndarray:
-        variance, beside, surface = step.covariance(self.model)
+        variance, beside, surface = step.covariance()
         error = self.state.error + step.d_error
         variance += error**2
         beside += error[1:] * error[:-1]

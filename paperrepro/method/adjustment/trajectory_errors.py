@@ -41,7 +41,7 @@ from paperrepro.method.adjustment.trajectory_solver import (
 )
 from paperrepro.method.patches import choose
 from paperrepro.method.tie_planes import TiePlanes
-from paperrepro.survey import Mounting, Navigation, Survey
+from paperrepro.survey import Mounting, Navigation, Survey, Trajectory
 
 #: Seconds between nodes. Between nodes a second apart an APX-15's heading wanders by 0.01 deg,
 #: which thousands of points see. At full density, 15 000 points in such a time, nodes 0.25 s apart
@@ -212,6 +212,7 @@ def calibrate_with_trajectory(
     estimated) noise, not scaled by sigma0. Raises `BadInput`, `RankDefect`, `NoConvergence`.
     """
     clock = found is not None and _clock_can_be_off(survey)
+    reported = survey.trajectory if clock else None
     if clock:
         survey, tie_planes = _delayed(survey, tie_planes, found.delay)
     model = TrajectoryModel.prepare(
@@ -228,7 +229,7 @@ def calibrate_with_trajectory(
         noise = found.components.noise(specified, found.components.constant(specified)).reduced()
     state = model.start(np.r_[near, start[3:]], len(noise.processes))
     solution = iterate(model, noise, state)
-    return _result(model, noise, start, solution, found)
+    return _result(model, noise, start, solution, found, reported)
 
 
 @one_blas_thread
@@ -249,6 +250,7 @@ def _result(
     start: np.ndarray,
     solution: Solution,
     found: FoundNoise | None,
+    reported: Trajectory | None,
 ) -> CalibrationResult:
     state, step = solution.state, solution.step
     tie_planes, unknowns = model.tie_planes, model.unknowns
@@ -267,7 +269,9 @@ def _result(
     mounting = replace(unknowns.mounting, beam_offsets=beams.errors if beams else None)
     rays = mounting.pointed(tie_planes.rays)
     after = face_states(rays, tie_planes.plane_ranges, unknowns, state.x)
-    variance, _, of_surface = step.covariance(model)
+    covariances = (step.covariance(further) for further in range(len(noise.processes)))
+    same, beside, of_surface = map(np.stack, zip(*covariances, strict=True))
+    delay = found.delay + unknowns.clock_delay(state.x) if unknowns.clock else 0.0
     return CalibrationResult(
         scenario="D",
         mounting=unknowns.mounting,
@@ -285,18 +289,18 @@ def _result(
         rms_after=after.rms,
         points_per_plane=after.count,
         observability=observability,
-        trajectory=_errors(model, noise, state, variance),
+        trajectory=TrajectoryErrors(
+            model.nodes.time, state.error, same, beside, noise.processes, state.constant,
+            noise.constant, delay, reported,
+        ),
         components=None if found is None else found.components.named(),
         lever_arm=(
             LeverArm.of(unknowns.mounting, state.x[lever], Q[lever, lever])
             if unknowns.lever else None
         ),
-        clock=(
-            Clock(found.delay + unknowns.clock_delay(state.x), float(np.sqrt(np.diag(Q)[u - 1])))
-            if unknowns.clock else None
-        ),
+        clock=Clock(delay, float(np.sqrt(np.diag(Q)[u - 1]))) if unknowns.clock else None,
         beams=beams,
-        reliability=reliability(model, noise, solution, of_surface),
+        reliability=reliability(model, noise, solution, of_surface[0]),
     )  # fmt: skip
 
 
@@ -328,12 +332,3 @@ def _planes_in_map(model: TrajectoryModel, state: State, Q: np.ndarray):
     J = to_map @ model.bases(state.planes)
     planes = np.einsum("gab,gb->ga", to_map, state.planes)
     return planes, J @ Q[own[:, :, None], own[:, None, :]] @ J.transpose(0, 2, 1)
-
-
-def _errors(model: TrajectoryModel, noise: Noise, state: State, variance) -> TrajectoryErrors:
-    """Sigma of the changing part: the constants' goes with the boresight's."""
-    prior = np.sqrt(sum(np.square(process.sigma) for process in noise.processes))
-    return TrajectoryErrors(
-        model.nodes.time, state.correction, np.sqrt(variance.sum(axis=1)), state.constant, prior,
-        noise.constant,
-    )  # fmt: skip

@@ -338,18 +338,20 @@ class Step:
         solution = self.scale[:, None] * cho_solve((self.factor, True), self.scale[:, None] * right)
         return out + right.T @ solution, solution[:u]
 
-    def covariance(self, model: TrajectoryModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Variances (K, P, 6) of the errors, covariances (K - 1, P, 6) with those at the node
-        before, and variances (F, 3) of the surface errors."""
-        variance = np.empty((len(self.d_error), self.d_error[0].size))
-        beside, surface = np.empty((len(variance), variance.shape[1])), self.d_surface.copy()
+    def covariance(self, further: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Covariances (K, P, 6) of the errors with those of the process ``further`` on, at the same
+        node; (K - 1, P, 6) at the next; and variances (F, 3) of the surface errors."""
+        K, b = self.shape[0], self.shape[1] * self.shape[2]
+        other = (np.arange(b) + further * N_COMPONENTS) % b
+        variance, beside, surface = np.empty((K, b)), np.empty((K, b)), self.d_surface.copy()
         for w, step, where in zip(self.windows, self.steps, self.where, strict=True):
-            (begin, end), at = w.nodes, where[: variance.shape[1]]
+            begin, end = w.nodes
             Q = self.Q[np.ix_(where, where)]
-            variance[begin] = self.Q[at, at]
-            variance[begin + 1 : end], beside[begin:end], surface[w.faces] = step.covariance(Q)
-        shape = self.d_error.shape
-        return variance.reshape(shape), beside[:-1].reshape(-1, *shape[1:]), surface
+            variance[begin] = self.Q[where[:b], where[other]]
+            variance[begin + 1 : end], beside[begin:end], surface[w.faces] = step.covariance(
+                Q, other
+            )
+        return variance.reshape(self.shape), beside[:-1].reshape(-1, *self.shape[1:]), surface
 
 
 def eliminate(data: DataNormals, model: TrajectoryModel, noise: Noise, state: State) -> Step:

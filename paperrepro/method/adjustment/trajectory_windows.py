@@ -234,10 +234,10 @@ class WindowStep:
         out -= self.views[:, :-1].T @ of_views
         return moved.T @ moved + of_views.T @ self.views_inverse @ of_views, out
 
-    def covariance(self, Q: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Given ``Q`` (r, r): variances (K - 1, b) of the nodes after the separator; of each
-        component its covariances (K, b) with the same one a node before, separator and next
-        separator included; and variances (F, 3)."""
+    def covariance(self, Q: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Given ``Q`` (r, r): covariances (K - 1, b) of components of the nodes after the separator
+        with those that ``other`` (b,) names at the same node; (K, b) at the next one, from the
+        separator to the next separator; and variances (F, 3) of the surface errors."""
         w, B = self.window, self.views[:, :-1]
         own = len(Q) - w.by_plane.shape[1]
         BQ = B @ Q
@@ -250,11 +250,11 @@ class WindowStep:
         full = np.block([[Q[:own, :own], beside[:, :own].T], [beside[:, :own], planes]])
         X = self.nodes[:, :, :-1]
         XQ = X @ full
-        variance, neighbour = self.factor.inverse_blocks()
-        variance += (XQ * X).sum(axis=2)
-        neighbour += (XQ[:-1] * X[1:]).sum(axis=2)
+        variance, neighbour = self.factor.inverse_blocks(other)
+        variance += (XQ * X[:, other]).sum(axis=2)
+        neighbour += (XQ[:-1] * X[1:, other]).sum(axis=2)
         b = np.arange(X.shape[1])
-        ends = -XQ[0, b, b], -XQ[-1, b, len(b) + b]
+        ends = -XQ[0, other, b], -XQ[-1, b, len(b) + other]
         neighbour = np.concatenate([ends[:1], neighbour, ends[1:]])
         return variance, neighbour, np.diag(of_views).reshape(-1, 3)
 
@@ -337,9 +337,10 @@ class Factor:
         _backward(self.L, self.U, out)
         return out
 
-    def inverse_blocks(self) -> tuple[np.ndarray, np.ndarray]:
-        """Diagonals (K, b) of the inverse's diagonal blocks and (K - 1, b) of those beside them."""
-        return _inverse_blocks(self.L, self.U)
+    def inverse_blocks(self, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of the inverse's diagonal blocks (K, b), and (K - 1, b) of those beside them, in each row
+        the column that ``other`` (b,) names."""
+        return _inverse_blocks(self.L, self.U, other)
 
 
 @numba.njit(cache=True)
@@ -434,7 +435,7 @@ def _backward(L, U, out):
 
 
 @numba.njit(cache=True)
-def _inverse_blocks(L, U):
+def _inverse_blocks(L, U, other):
     """As `Factor.inverse_blocks`."""
     K, b = L.shape[:2]
     diagonal, beside = np.empty((K, b)), np.empty((K - 1, b))
@@ -449,10 +450,10 @@ def _inverse_blocks(L, U):
             gain = upper @ U[k]
             product = gain @ block
             for i in range(b):
-                beside[k, i] = -product[i, i]
+                beside[k, i] = -product[i, other[i]]
             block = upper @ upper.T + product @ gain.T
         else:
             block = upper @ upper.T
         for i in range(b):
-            diagonal[k, i] = block[i, i]
+            diagonal[k, i] = block[i, other[i]]
     return diagonal, beside

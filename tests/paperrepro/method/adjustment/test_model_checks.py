@@ -71,8 +71,8 @@ def test_what_the_result_says_is_judged(good):
     assert "range_offsets" in failed(far)
     sl = truth.boresight + np.array([0, 0, 20]) * result.sigma
     assert failed(result, sl) == {"scenarios_yaw"}
-    prior = result.trajectory.prior_sigma / 4
-    restless = replace(result, trajectory=replace(result.trajectory, prior_sigma=prior))
+    told = tuple(replace(p, sigma=p.sigma / 4) for p in result.trajectory.processes)
+    restless = replace(result, trajectory=replace(result.trajectory, processes=told))
     assert "process_up" in failed(restless)
 
 
@@ -87,7 +87,7 @@ def test_a_sentence_says_the_value_and_what_to_do(good):
 def test_a_trajectory_that_steps_is_named(good):
     result, _ = good
     errors = result.trajectory
-    stepped = errors.correction.copy()
-    stepped[len(stepped) // 2 :, 5] += 2 * errors.prior_sigma[5]
-    stepped = replace(result, trajectory=replace(errors, correction=stepped))
+    stepped = errors.error.copy()
+    stepped[len(stepped) // 2 :, 0, 5] += 2 * errors.prior_sigma[5]
+    stepped = replace(result, trajectory=replace(errors, error=stepped))
     assert "steps" in failed(stepped)

@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from paperrepro.errors import BadInput
+from paperrepro.method.adjustment.result import TrajectoryErrors
 from paperrepro.method.adjustment.scenarios import calibrate as calibrate_paper
 from paperrepro.method.adjustment.trajectory_components import (
     _PRIOR_SIGMA,
@@ -176,13 +177,17 @@ def test_elimination_equals_the_dense_system(small):
     np.testing.assert_allclose(ours / known, solution[: ends[4]] / known, atol=1e-4)
     outer = np.outer(sigma[:size], sigma[:size])
     np.testing.assert_allclose(step.Q_y / outer, Q[:size, :size] / outer, atol=1e-4)
-    variance, beside, surface = step.covariance(model)
+    variance, beside, surface = step.covariance()
     K, P = variance.shape[:2]
     of_nodes = np.diag(Q)[size : ends[3]].reshape(K, P, 6)
     np.testing.assert_allclose(variance, of_nodes, rtol=1e-4)
     at = np.arange(size, ends[3]).reshape(K, P, 6)
     np.testing.assert_allclose(beside, Q[at[:-1], at[1:]], rtol=1e-3, atol=1e-4 * of_nodes.max())
     np.testing.assert_allclose(surface.ravel(), np.diag(Q)[ends[3] : ends[4]], rtol=1e-4)
+    mixed, mixed_beside, _ = step.covariance(1)
+    other, most = np.roll(at, -1, axis=1), 1e-4 * of_nodes.max()
+    np.testing.assert_allclose(mixed, Q[at, other], rtol=1e-3, atol=most)
+    np.testing.assert_allclose(mixed_beside, Q[at[:-1], other[1:]], rtol=1e-3, atol=most)
     # determinant, and by how much the sum of squares falls
     rough = (ends[5] - ends[4]) * np.log(NOISE.roughness_weight)
     assert step.log_det == pytest.approx(np.linalg.slogdet(N)[1] - rough, abs=1e-3)
@@ -310,6 +315,45 @@ def test_without_noise_as_exact_as_the_others():
     assert np.abs(np.rad2deg(result.boresight - truth.boresight)).max() < 1e-6
     np.testing.assert_allclose(result.range_offsets, offsets, atol=1e-6)
     assert np.abs(result.trajectory.correction).max() < 1e-6
+
+
+def test_errors_between_nodes_are_those_of_the_processes():
+    """Mean and sigma at any time are what the Gauss-Markov covariances make of the nodes'."""
+    rng, time = np.random.default_rng(2), np.array([10.0, 10.5, 18.0])
+    worse = np.array([0.0, 40.0]), np.array([np.full(6, 0.5), np.full(6, 2.5)])
+    processes = GaussMarkov(np.full(6, 2.0), np.full(6, 20.0), worse), GaussMarkov(*np.ones((2, 6)))
+    prior = [process_covariance(process, time, time) for process in processes]
+    prior = np.block([[prior[0], np.zeros((3, 3))], [np.zeros((3, 3)), prior[1]]])
+    gain = rng.normal(0, 0.3, (4, 6))  # four observations of the sums' errors
+    posterior = prior - prior @ gain.T @ np.linalg.solve(gain @ prior @ gain.T + np.eye(4),
+                                                         gain @ prior)  # fmt: skip
+    mean = rng.normal(size=6)  # process by process
+    blocks = posterior.reshape(2, 3, 2, 3)
+    same = np.array([[[blocks[p, k, (p + s) % 2, k] for p in (0, 1)] for k in range(3)]
+                     for s in (0, 1)])  # fmt: skip
+    beside = np.array([[[blocks[p, k, (p + s) % 2, k + 1] for p in (0, 1)] for k in range(2)]
+                       for s in (0, 1)])  # fmt: skip
+    spread = [np.repeat(part[..., None], 6, axis=-1) for part in (same, beside)]
+    errors = TrajectoryErrors(
+        time, np.repeat(mean.reshape(2, 3).T[..., None], 6, axis=-1), *spread, processes,
+        np.full(6, 0.1), np.zeros(6),
+    )  # fmt: skip
+    asked = np.array([5.0, 10.0, 10.1, 12.0, 17.9, 18.0, 30.0, 1e4])
+    across = [process_covariance(process, asked, time) for process in processes]
+    A = np.concatenate(across, axis=1) @ np.linalg.inv(prior)
+    variance = 4 * processes[0].factor(asked)[:, 0] ** 2 + 1
+    variance -= np.einsum("nk,kl,nl->n", A, prior - posterior, A)
+    found, sigma = errors.at(asked)
+    np.testing.assert_allclose(found[:, 3], 0.1 + A @ mean, atol=1e-12)
+    np.testing.assert_allclose(sigma[:, 3] ** 2, variance, rtol=1e-10)
+    np.testing.assert_allclose(errors.at(time)[1], errors.sigma, rtol=1e-10)
+    assert found[-1] == pytest.approx(np.full(6, 0.1))
+
+
+def process_covariance(process, one, other):
+    lag = np.abs(one[:, None] - other)
+    sigma = (process.sigma[0] * process.factor(time)[:, :1] for time in (one, other))
+    return next(sigma) * next(sigma).T * np.exp(-lag / process.correlation_time[0])
 
 
 def test_sigma_hold_under_time_correlated_noise(noisy):
