@@ -245,8 +245,7 @@ def _reproduce(options: argparse.Namespace) -> int:
         raise BadInput(f"--jobs: expected at least 1, got {options.jobs}; give a number")
     out = options.out or Path("figures" if options.profile == "paper" else "runs/quick")
     options.seed = options.seed or pr.paper.reproduce.median_seed()
-    names = "preset", "profile", "seed", "noise_scale"
-    parameters = {name: getattr(options, name) for name in names}
+    parameters = {k: getattr(options, k) for k in ("preset", "profile", "seed", "noise_scale")}
     data_synth.make_config(**parameters)  # refuses what cannot be, before anything runs
     say, start = _say(options), time.perf_counter()
     run = pr.study.rows.SurveyKey(**parameters)

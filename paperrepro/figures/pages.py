@@ -44,7 +44,7 @@ from paperrepro.study.rows import SurveyKey, frame
 NAME = "report.html"
 #: Verdicts of the ledger in their order, with the class of their chip.
 CHIPS = {
-    HOLDS: "holds", CONDITIONS: "partly", FAILS: "fails", UNDECIDED: "untested",
+    HOLDS: "holds", CONDITIONS: "partly", FAILS: "fails", UNDECIDED: "open",
     UNTESTED: "untested",
 }  # fmt: skip
 #: What stands at the top, and what can be turned beside the picture of an artefact.

@@ -147,6 +147,9 @@ ARTEFACTS = (
              "Plan of the matched roof faces, coloured by the number of strips that see them."),
     Artefact("boresight_errors", "Errors of the boresight with their bars", _CALIBRATION,
              "Error of each angle by scenario with bars of one and two formal σ."),
+    Artefact("sigma_against_points", "What a formal sigma measures", _CALIBRATION,
+             "Formal σ, RMS error, NEES and coverage over the points of a face that enter, over "
+             "many surveys; dashed the σ that the paper prints."),
     Artefact("range_offsets", "Range offsets", _CALIBRATION,
              "Estimated and true offset of each beam, as estimated and without their mean."),
     Artefact("correlation", "Correlations of scenario C", _CALIBRATION,
