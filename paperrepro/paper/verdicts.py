@@ -11,7 +11,7 @@ claim is about several estimators, each in each setting counts like a setting.
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -183,7 +183,9 @@ def _judge_all(evidence: Evidence, asked: list[Setting], named: Mapping, limits:
             continue
         if limit.state not in {each.state for (w, _), each in judged.items() if w == who}:
             beside.append(f"{who} {_OPENINGS[limit.state]} ({_value(limit)})".strip())
-    return combine(judged, missing, beside)
+    finding = combine(judged, missing, beside)
+    whole = {who for who, _ in judged} >= set(named)  # one that no setting judged is a condition
+    return finding if whole or finding.verdict != HOLDS else replace(finding, verdict=CONDITIONS)
 
 
 def _with_failures(judged: Judged, surveys: Surveys) -> Judged:

@@ -420,6 +420,12 @@ def test_one_of_three_that_holds_is_a_condition_and_says_which():
     assert [part[0] for part in finding.values.split("; ")] == ["A", "B", "C"]
 
 
+def test_what_one_of_three_lacks_keeps_a_claim_from_holding():
+    finding = line(study({(B, "error"): None}), "no-campaign")
+    assert finding.verdict == CONDITIONS
+    assert f"not judged: no row of error_omega for {B}" in finding.condition
+
+
 def test_a_verdict_that_all_points_of_a_face_turn_says_so():
     many = study({(MANY[x], "nees"): 50.0 for x in FEW if x != "A"})
     finding = line(many, "sigma-standardised", claims.judged)
