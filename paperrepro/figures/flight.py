@@ -60,13 +60,18 @@ def flight_map(
 
 
 def pair_changes(ax: Axes, distances: Sequence[PairDistances]) -> Axes:
-    """RMS distance of every pair of strips, before and after, on a logarithmic axis."""
+    """RMS distance of every pair of strips, before, after and with the trajectory adjusted, on a
+    logarithmic axis."""
     y = np.arange(len(distances))[::-1]
     before = [CM * rmse(pair.before) for pair in distances]
     after = [CM * rmse(pair.after) for pair in distances]
     ax.hlines(y, after, before, color="#bfbfbf", lw=1.2, zorder=1)
     ax.plot(before, y, "o", color=SCENARIO_COLOURS["before"], label="before")
     ax.plot(after, y, "D", ms=4.5, color=SCENARIO_COLOURS["D"], label="after")
+    if any(pair.adjusted is not None for pair in distances):
+        adjusted = [CM * rmse(pair.adjusted) for pair in distances]
+        ax.plot(adjusted, y, "D", ms=4.5, mfc="white", color=SCENARIO_COLOURS["D"],
+                label="trajectory adjusted, too")  # fmt: skip
     ax.set_yticks(y, [_plain(f"{pair.first} – {pair.second}") for pair in distances])
     ax.set_xscale("log")
     ax.xaxis.set_major_formatter("{x:g}")
@@ -74,7 +79,7 @@ def pair_changes(ax: Axes, distances: Sequence[PairDistances]) -> Axes:
     ax.set_ylim(-0.7, len(distances) - 0.3)
     ax.set_xlabel("RMS distance between the strips (cm)")
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.0 + 0.9 / (len(distances) + 1)),
-              ncols=2)  # fmt: skip
+              ncols=3)  # fmt: skip
     return ax
 
 
@@ -262,19 +267,19 @@ def _offsets(own: OwnFlight) -> Table | None:
 def _pair_table(own: OwnFlight) -> Table:
     lines = []
     for pair in own.distances:
-        both = (pair.before, pair.after)
-        rms, middle = [rmse(d) for d in both], [np.median(np.abs(d)) for d in both]
+        stages = [d for d in (pair.before, pair.after, pair.adjusted) if d is not None]
+        rms, middle = [rmse(d) for d in stages], [np.median(np.abs(d)) for d in stages]
         lines.append(
             (
                 f"{pair.first} – {pair.second}", number(100 * pair.overlap, 0),
                 number(len(pair.before)), *(number(CM * value, 1) for value in (*rms, *middle)),
             )
         )  # fmt: skip
-    heads = [
-        "strips", "overlap (%)", "points", "RMS before (cm)", "RMS after (cm)",
-        "median |d| before (cm)", "median |d| after (cm)",
-    ]  # fmt: skip
-    return Table(heads, lines, ["word", *["number"] * 6])
+    names = ["before", "after", "trajectory adjusted"]
+    names = names if any(pair.adjusted is not None for pair in own.distances) else names[:2]
+    heads = [f"{what} {name} (cm)" for what in ("RMS", "median |d|") for name in names]
+    heads = ["strips", "overlap (%)", "points", *heads]
+    return Table(heads, lines, ["word", *["number"] * (len(heads) - 1)])
 
 
 def _planes(own: OwnFlight) -> Table:

@@ -156,7 +156,10 @@ def calibrate_flight(
     remarks += [*_constants(result), *implausible(result)]
     checks = model_checks(result, survey, found.boresights[-1])
     progress(f"distances of {len(pairs)} pairs of strips")
-    distances = pair_distances(points.rays, pairs, survey.mounting, result.calibrated)
+    adjusted = None
+    if result.trajectory is not None:
+        adjusted = {name: result.trajectory.apply(rays) for name, rays in points.rays.items()}
+    distances = pair_distances(points.rays, pairs, survey.mounting, result.calibrated, adjusted)
     rejected = (*found.rejected, *result.rejected)
     return OwnFlight(
         survey, kind, result, tie_planes, rejected, found.boresights, distances, tuple(remarks),

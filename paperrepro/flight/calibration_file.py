@@ -138,6 +138,7 @@ def _pair(pair: PairDistances) -> dict:
         "n_points": len(pair.before),
         "rms_before_m": rmse(pair.before),
         "rms_after_m": rmse(pair.after),
+        "rms_adjusted_m": None if pair.adjusted is None else rmse(pair.adjusted),
         "median_before_m": float(np.median(np.abs(pair.before))),
         "median_after_m": float(np.median(np.abs(pair.after))),
     }

@@ -243,13 +243,15 @@ class Correspondences:
 @dataclass(frozen=True)
 class PairDistances:
     """Of a pair of strips: ``overlap``, the share, 0-1, of the smaller one's cells that both have;
-    signed distances ``before`` and ``after`` (N,) m of the same correspondences."""
+    signed distances ``before`` and ``after`` (N,) m of the same correspondences, and ``adjusted``,
+    with the trajectory's errors removed, too, or None."""
 
     first: str
     second: str
     overlap: float
     before: np.ndarray
     after: np.ndarray
+    adjusted: np.ndarray | None = None
 
 
 def local_planes(q_m: np.ndarray):
@@ -282,15 +284,19 @@ def pair_distances(
     pairs: Mapping[tuple[str, str], float],
     before: Mounting,
     after: Mounting,
+    adjusted: Mapping[str, Rays] | None = None,
 ) -> tuple[PairDistances, ...]:
-    """Distances of all ``pairs``, as `overlaps` gives them, under two mountings."""
+    """Distances of all ``pairs``, as `overlaps` gives them, under two mountings, and of the
+    ``adjusted`` samples under the latter."""
     p_m = {name: georeference(rays, after) for name, rays in samples.items()}
     trees = {name: cKDTree(p) for name, p in p_m.items()}
     measured = []
     for (first, second), share in pairs.items():
         both = _correspondences(first, second, p_m, trees)
         if len(both.index) >= LEAST_POINTS:
-            distances = (both.distances(samples, mounting) for mounting in (before, after))
+            distances = [both.distances(samples, mounting) for mounting in (before, after)]
+            if adjusted is not None:
+                distances.append(both.distances(adjusted, after))
             measured.append(PairDistances(first, second, share, *distances))
     return tuple(measured)
 

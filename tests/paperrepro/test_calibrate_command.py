@@ -68,6 +68,11 @@ def test_the_result_holds_what_is_promised(done):
     assert found["observability"]["condition"] > 1
     assert found["observability"]["weakest_direction"] in ("roll", "pitch", "yaw")
     assert len(found["strip_pairs"]) == 6
+    after, adjusted = (
+        np.mean([pair[f"rms_{when}_m"] for pair in found["strip_pairs"]])
+        for when in ("after", "adjusted")
+    )
+    assert adjusted < after
 
 
 def test_the_report_is_one_page_with_everything_on_it(done):
