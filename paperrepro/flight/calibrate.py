@@ -176,7 +176,7 @@ def _constants(result: CalibrationResult) -> list[str]:
     if not words:
         return []
     return [
-        f"Sigma hold a constant error of attitude ({', '.join(words)}), which no data tell from "
+        f"Sigma include a constant error of attitude ({', '.join(words)}), which no data tell from "
         "the boresight: the specification allows it, the flight does not show it."
     ]
 
