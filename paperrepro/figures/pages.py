@@ -219,8 +219,8 @@ def _rmse_sentence(values: Values) -> list[str]:
     shown = {s: f"{values[key]:cm}" for s, key in keys.items()}
     after = _listed({s: text for s, text in shown.items() if s not in ("before", "truth")})
     return [
-        f"The RMSE of roof points against the airborne reference falls from {shown['before']} to "
-        f"{after}; the true mounting leaves {shown['truth']}."
+        f"In the survey drawn, the RMSE of roof points against the airborne reference falls from "
+        f"{shown['before']} to {after}; the true mounting leaves {shown['truth']}."
     ]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator
 
 from paperrepro.figures import SCENARIO_COLOURS, canvas, scenario_name
 from paperrepro.paper.verdicts import CONDITIONS, FAILS, HOLDS, UNDECIDED, UNTESTED
@@ -152,6 +152,9 @@ def kinds(table: pd.DataFrame) -> Figure:
     left.set_xlim(0, 102)
     left.set_xlabel("coverage of 95 % intervals (%)")
     right.set_xscale("log")
+    right.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    right.xaxis.set_major_formatter("{x:g}")
+    right.xaxis.set_minor_formatter("")
     right.set_xlabel("RMS boresight error, three angles (°)")
     for ax in (left, right):
         ax.grid(axis="x", lw=0.3)

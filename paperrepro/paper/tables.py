@@ -24,7 +24,6 @@ from paperrepro.paper.verdicts import (
     SAYS,
     UNDECIDED,
     UNTESTED,
-    VERDICTS,
 )  # fmt: skip
 from paperrepro.study.rows import FEW, MANY, SurveyKey
 from paperrepro.study.statistics import Evidence, TooLittle
@@ -163,6 +162,13 @@ def headlines(ledger: pd.DataFrame) -> pd.DataFrame:
     return ledger.set_index("id").reindex(shown).dropna(subset="claim").reset_index()
 
 
+#: How the number of claims with a verdict reads.
+SAID = {
+    HOLDS: "hold", CONDITIONS: "hold under conditions", FAILS: "do not hold",
+    UNDECIDED: "are undecided", UNTESTED: "cannot be tested here",
+}  # fmt: skip
+
+
 def what_came_out(ledger: pd.DataFrame) -> str:
     """The verdicts counted, in words, by whose the claims are."""
     whose = {
@@ -173,10 +179,10 @@ def what_came_out(ledger: pd.DataFrame) -> str:
     parts = []
     for kind, words in whose.items():
         given = ledger[ledger.kind == kind].verdict
-        counts = {name: (given == name).sum() for name in VERDICTS}
-        others = ", ".join(f"{n} {name}" for name, n in counts.items() if n and name != HOLDS)
-        parts.append(f"{counts[HOLDS]} of {len(given)} {words} hold ({others or 'all'})")
-    return f"{'; '.join(parts)}."
+        counts = {said: (given == name).sum() for name, said in SAID.items()}
+        listed = ", ".join(f"{n} {said}" for said, n in counts.items() if n)
+        parts.append(f"of {len(given)} {words} {listed}")
+    return f"{'; '.join(parts)}.".replace("of", "Of", 1)
 
 
 def _printed(line) -> str:

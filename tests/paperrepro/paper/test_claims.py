@@ -280,7 +280,7 @@ REASONED = {
     "unit-normal", "urban", "lever-arm", "outliers", "stability", "stable-platform", "planarity",
     "others",
 }  # fmt: skip
-OTHERS = {"table4-pattern", "ours-completes"}
+OTHERS = ("table4-pattern", "ours-completes")
 ASKING = [*FLIPS, *TWO_READINGS, *OTHERS]
 
 
