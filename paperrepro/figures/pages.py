@@ -26,7 +26,7 @@ from paperrepro.errors import BadInput
 from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS
 from paperrepro.paper.artefacts import ARTEFACTS, Artefact, Values, caption
 from paperrepro.paper.numbers import cells, heading, number, worded
-from paperrepro.paper.tables import headlines
+from paperrepro.paper.tables import headlines, printed_value
 from paperrepro.paper.verdicts import (
     COLUMNS,
     CONDITIONS,
@@ -266,7 +266,8 @@ def _claims(folder: Path) -> list[dict]:
 
 
 def _claim(line: dict) -> dict:
-    shown = {k: worded(line[k], line["unit"]) for k in ("paper", "measured", "low", "high")}
+    shown = {k: worded(line[k], line["unit"]) for k in ("measured", "low", "high")}
+    shown["paper"] = printed_value(float(line["paper"] or "nan"), line["unit"])
     low, high = shown["low"], shown["high"]
     span = f"{low} to {high}" if low and high and low != high else ""
     seeds = line["seeds"] if line["seeds"].strip("0") else "–"

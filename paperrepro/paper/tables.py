@@ -147,7 +147,8 @@ def markdown_summary(ledger: pd.DataFrame) -> str:
     verdict, as a Markdown table, under a sentence on what came out of all."""
     lines = [what_came_out(ledger), "", "| claim | paper | here | verdict |", "|---|---|---|---|"]
     lines += [
-        f"| {line.claim} ({line.place}) | {_printed(line)} | {line.values} | {line.verdict} |"
+        f"| {line.claim} ({line.place}) | {printed_value(line.paper, line.unit)} | {line.values} "
+        f"| {line.verdict} |"
         for line in headlines(ledger).fillna({"values": ""}).itertuples()
     ]
     return "\n".join(lines) + "\n"
@@ -185,11 +186,11 @@ def what_came_out(ledger: pd.DataFrame) -> str:
     return f"{'; '.join(parts)}.".replace("of", "Of", 1)
 
 
-def _printed(line) -> str:
-    """The value that the paper prints, if any."""
-    if not np.isfinite(line.paper):
+def printed_value(value: float, unit: str) -> str:
+    """The value that the paper prints, if any; shares in percent."""
+    if not np.isfinite(value):
         return ""
-    return shown(line.paper, "share" if line.unit == "1" and line.paper <= 1 else line.unit)
+    return shown(value, "share" if unit == "1" and value <= 1 else unit)
 
 
 def update_between_markers(path: str | Path, name: str, text: str) -> bool:
