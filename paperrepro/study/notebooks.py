@@ -25,6 +25,8 @@ from paperrepro.errors import BadInput, PaperReproError
 
 #: Parameter that names the folder of results; empty: nothing is written.
 OUTPUT = "figures_dir"
+#: Bytes of a folder's path that leave room for a socket's name; the system ends at 107.
+_LONGEST_FOLDER = 80
 _PLAIN = (int, float, str, bool)
 #: Characters of one output that are kept of a run among many.
 _LONGEST_OUTPUT = 20_000
@@ -67,7 +69,10 @@ class LocalKernelManager(AsyncKernelManager):
     @default("ip")
     def _default_ip(self) -> str:
         """A name that no other kernel has; by default they would meet in the current folder."""
-        folder = tempfile.mkdtemp(prefix="kernel-")
+        usual = tempfile.gettempdir()
+        folder = tempfile.mkdtemp(
+            prefix="kernel-", dir=usual if len(os.fsencode(usual)) <= _LONGEST_FOLDER else "/tmp"
+        )
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         return str(Path(folder) / "ipc")
 

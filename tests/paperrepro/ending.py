@@ -4,7 +4,7 @@
 
 The folder has `flight/` of a tiny survey; what a command writes lies in a folder of its name. What
 became of the runs is printed as JSON. Processes are forked from one that has imported what they
-need.
+need; commands with workers are not among them, since threads do not survive a fork.
 """
 
 import atexit
@@ -18,16 +18,14 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-from dask.distributed import Client
-
 import paperrepro as pr
 from data_synth import make_config, presets
 from paperrepro import cli
 from paperrepro.flight import calibrate
 from paperrepro.method.coarse_to_fine import PatchSearch
 from paperrepro.paper import reproduce
-from paperrepro.study import simulated, workers
-from tests.paperrepro.study.sweeping import arguments, write_notebook
+from paperrepro.study import simulated
+from tests.paperrepro.study.sweeping import write_notebook
 
 #: What Python reports of changes to files, by the `sys.audit` event: which argument is the path.
 CHANGES = {"os.mkdir": 0, "os.rename": 1, "os.remove": 0, "os.rmdir": 0, "shutil.rmtree": 0,
@@ -38,8 +36,6 @@ MOMENTS = {
     "calibrate": ("report.html.part", "out/report.html"),
     "apply": ("new/F2.laz", "out/F7.laz"),
     "reproduce": ("/01_part.ipynb", "out/report.html"),
-    "sweep": (".csv.part", "out/sweep.csv"),
-    "study": (".csv.part", "out/study.csv"),
 }
 SIGNALS = {"TERM": signal.SIGTERM, "KILL": signal.SIGKILL}
 #: One firing sequence in so many is simulated.
@@ -63,21 +59,11 @@ def command_of(name: str, folder: Path, out: Path) -> list[str]:
         return [name, *files, "--planes", "any", "--scenario", "SL", "--write-strips"]
     if name == "apply":
         return [name, *files, "--calibration", str(flight / "truth.json")]
-    if name == "sweep":
-        more = ["--workers", "1"]
-        return arguments(folder / "standin.ipynb", out, *more, noise="0,1", seeds=1)
-    if name == "study":
-        return [name, "--seeds", "3", "--noise-scale", "1", "--preset", "mount",
-                "--workers", "1", "--out", str(out / "study.csv")]  # fmt: skip
     return [name, "--out", str(out), *(["--force"] if name == "simulate" else ["--jobs", "1"])]
 
 
-def require_version(job) -> None:
-    """Workers that are threads of this process are of its version."""
-
-
 def prepare(folder: Path) -> None:
-    """Stand-ins for what is long: pulses, passes, notebooks, surveys that are measured."""
+    """Stand-ins for what is long: pulses, passes, notebooks."""
     presets.PROFILES["quick"] = THINNING
     survey, truth = simulated.simulate(make_config())
     strips = tuple(survey.strip(name) for name in ("F1", "F2", "F7"))
@@ -87,10 +73,6 @@ def prepare(folder: Path) -> None:
     few = [strip.take(slice(None, None, 10)) for strip in survey.strips]
     made = replace(survey, strips=tuple(few)), truth
     simulated.simulate = functools.wraps(simulated.simulate)(lambda config: made)
-    simulated.measure = lambda flown, what: [flown.key.row("study", "A", "one", "1", 1.0)]
-    workers.SurveyJob.require_version = require_version
-    workers._local = lambda count: Client(processes=False, n_workers=1, dashboard_address=None)
-    write_notebook(folder / "standin.ipynb")
     reproduce.NOTEBOOKS = folder / "notebooks"
     reproduce.NOTEBOOKS.mkdir()
     write_notebook(reproduce.NOTEBOOKS / "01_part.ipynb", REPRODUCED)
@@ -157,7 +139,7 @@ if __name__ == "__main__":
 
     folder, *names = sys.argv[1:]
     prepare(Path(folder))
-    for module in (".figures.pages", ".figures.flight", ".flight.write", ".study.workers"):
+    for module in (".figures.pages", ".figures.flight", ".flight.write"):
         importlib.import_module(module, "paperrepro")
     result = {name: ends_of(Path(folder), name) for name in names}
     print(json.dumps(result, indent=1))

@@ -3,6 +3,7 @@
 import ast
 import functools
 import itertools
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -588,7 +589,7 @@ def test_the_summary_shows_the_main_promises_and_the_worst_of_ours():
     assert any(claim in rows[-1] for claim in ours.claim)
     for kind in (SAYS, FOLLOWS, OURS):
         of = ledger[ledger.kind == kind].verdict
-        assert f"{(of == HOLDS).sum()} of {len(of)}" in text
+        assert re.search(rf"[oO]f {len(of)} [\w ]+ {(of == HOLDS).sum()} hold[,;.]", text)
 
 
 def test_text_between_markers_is_replaced_and_nothing_else(tmp_path):

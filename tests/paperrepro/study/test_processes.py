@@ -1,5 +1,6 @@
 """Sweeps and studies whose processes are killed, stopped, or belong to another's scheduler."""
 
+import itertools
 import os
 import re
 import signal
@@ -107,20 +108,27 @@ def test_a_worker_that_is_killed_loses_and_doubles_nothing(sweep, tmp_path):
     assert len(begun(log)) == RUNS + 1  # what the worker was at is begun again
 
 
-def test_a_sweep_that_is_killed_goes_on_with_what_is_missing(sweep, tmp_path):
-    log = tmp_path / "log"
-    with started(paperrepro([*sweep, "--workers", "2"])) as process:
-        until(lambda: len(finished(tmp_path)) >= 3, process)
-        processes = family(process)
-        process.kill()
-        assert all_gone(processes), "workers or kernels outlive the sweep"
-    kept, lines = finished(tmp_path), len(begun(log))
-    assert 3 <= len(kept) < RUNS
-    assert not (tmp_path / "out" / "sweep.csv").exists()
-    subprocess.run(paperrepro([*sweep, "--workers", "2"]), check=True, capture_output=True)
+def test_a_sweep_that_is_ended_again_and_again_goes_on_with_what_is_missing(sweep, tmp_path):
+    """At its start, in its middle and close to its end, by a signal that it heeds and by one that
+    it cannot."""
+    log, command = tmp_path / "log", paperrepro([*sweep, "--workers", "1"])
+    log.touch()
+    kept, ends = set(), itertools.product((0, 4, RUNS - 2), (signal.SIGTERM, signal.SIGKILL))
+    for moment, how in ends:
+        with started(command) as process:
+            until(lambda: len(family(process)) > 2, process)
+            until(lambda moment=moment: len(finished(tmp_path)) >= moment, process)
+            processes = family(process)
+            process.send_signal(how)
+            assert all_gone(processes), "workers or kernels outlive the sweep"
+        assert kept <= finished(tmp_path)
+        kept = finished(tmp_path)
+        assert moment <= len(kept) < RUNS
+    lines = len(begun(log))
+    subprocess.run(command, check=True, capture_output=True)
     again = begun(log)[lines:]
     assert len(again) == len(set(again)) == RUNS - len(kept)
-    assert kept < finished(tmp_path)
+    assert not list(tmp_path.rglob("*.part"))
     assert keys_of(rows_of(tmp_path / "out")) == expected_keys(NOISES.split(","), SEEDS)
 
 
@@ -272,16 +280,16 @@ def test_workers_on_this_machine_do_not_talk_to_strangers():
 
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
-@pytest.mark.parametrize("moment", ["start", "middle"])
+@pytest.mark.parametrize("moment", ["start", "workers", "survey"])
 def test_a_study_that_is_ended_leaves_no_process_and_goes_on(tmp_path, how, moment):
     """Of surveys in no time, by workers of its own."""
     environment = {**os.environ, "PAPERREPRO_CACHE": str(tmp_path / "cache")}
     study = paperrepro(["study", "--seeds", "2", "--noise-scale", "1", "--preset", "mount",
                         "--workers", "1", "--out", str(tmp_path / "study.csv")])  # fmt: skip
     with started(study, env=environment) as process:
-        if moment == "middle":
+        if moment != "start":
             until(lambda: len(family(process)) > 2, process)
-        time.sleep(1.0)
+        time.sleep(6.0 if moment == "survey" else 1.0)
         processes = family(process)
         os.kill(process.pid, how)
         code = process.wait(timeout=PATIENCE_S)

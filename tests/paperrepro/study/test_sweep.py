@@ -1,6 +1,7 @@
 """Sweeps: what is asked is checked first, what is done is kept, versions do not mix."""
 
 import json
+import tempfile
 
 import nbformat
 import pandas as pd
@@ -241,3 +242,15 @@ def test_a_parameter_that_rows_do_not_name_is_a_column(tmp_path):
     rows = rows_of(out)
     assert not rows.duplicated().any()
     assert rows.groupby("again").size().tolist() == [2 * METRICS] * 2
+
+
+@pytest.mark.slow
+def test_kernels_are_reached_where_the_folder_of_temporary_files_has_a_long_name(
+    notebook, tmp_path, monkeypatch
+):
+    """A socket's name has at most 107 bytes."""
+    long = tmp_path / ("long" * 30)
+    long.mkdir()
+    monkeypatch.setenv("TMPDIR", str(long))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    assert main(arguments(notebook, tmp_path / "out", "--workers", "1", noise="1", seeds=1)) == 0
