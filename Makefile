@@ -48,7 +48,7 @@ sweep: $(ready) ## execute a notebook over noise levels and seeds, into sweeps/s
 	$(bin)/paperrepro sweep --grid noise_scale="$(NOISE)" --seeds "$(SEEDS)" --out sweeps/small $(ARGS)
 
 test: lint ## lint, tests, then every notebook on its quick profile
-	$(one_thread) MPLBACKEND=Agg $(bin)/python -m pytest -n $(JOBS) tests $(ARGS)
+	$(one_thread) MPLBACKEND=Agg $(bin)/python -m pytest -n $(JOBS) --dist worksteal tests $(ARGS)
 	$(one_thread) $(bin)/python -m pytest -n $(JOBS) --nbmake --nbmake-timeout=1800 notebooks
 
 lint: $(ready) ## ruff on the packages, tests and notebooks

@@ -125,10 +125,14 @@ def usual_rows():
     return pd.DataFrame(rows)
 
 
-def study(changes=None, seeds=LEAST_SEEDS, presets=("mount",), scales=(1.0,), errors=SPECIFIED):
+def study(
+    changes=None, seeds=LEAST_SEEDS, presets=("mount",), scales=(1.0,), errors=SPECIFIED, only=None
+):
     """Rows of a study; ``changes`` by (scenario, metric) are levels, a `Mix` of them, or functions
-    of the noise that give one, in the place of the `USUAL` ones; None leaves the metric out."""
-    rows = usual_rows().query("seed <= @seeds")
+    of the noise that give one, in the place of the `USUAL` ones; None leaves the metric out.
+    ``only`` one scenario's rows, if given."""
+    rows = usual_rows()
+    rows = rows[(rows.seed <= seeds) & (only is None or rows.scenario == only)]
     parts = [
         rows.assign(preset=p, noise_scale=k, errors=kind)
         for p, k, kind in itertools.product(
@@ -254,7 +258,8 @@ def flips():
     turn("ours-coverage-D", ("D", "error"), 0.01, 0.05, seeds=MANY_SEEDS)
     turn("ours-standardised-D", ("D", "nees"), 0.9, 50.0)
     kinds = tuple(kind for kind in ERRORS if kind != SPECIFIED)
-    turn("ours-coverage-kinds", (FOUND, "error"), 0.01, 0.05, errors=kinds, seeds=MANY_SEEDS)
+    turn("ours-coverage-kinds", (FOUND, "error"), 0.01, 0.05, errors=kinds, seeds=MANY_SEEDS,
+         only=FOUND)  # fmt: skip
     turn("ours-wrong-prior", every(MISTAKEN, "error"), 0.01, 0.05, seeds=MANY_SEEDS)
     turn("ours-bound-D", ("D", "error"), 0.01, 0.02)
     turn("ours-error-D", ("D", "error"), 0.005, 0.02)
