@@ -1,33 +1,26 @@
-"""Steps 4 and 5 again until the boresight settles: one search, for roofs or planes of any kind.
+"""Tie planes of all strips: gable roofs, by steps 4 and 5 again until the boresight settles, or
+planes of any kind.
 
 A boresight error of a degree makes a roof 18 cm thick within one strip, because the fan of beams
-sees it from 10 m apart, and sets opposite strips a metre apart. So planes are found by the central
+sees it from 10 m apart, and sets opposite strips a metre apart. So roofs are found by the central
 beams and wide thresholds first, then by all beams and narrow ones after each adjustment, until the
-boresight under which they were found no longer changes.
+boresight under which they were found no longer changes. Planes of any kind are found under the
+boresight on which closest points agree, which needs no planes.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from typing import Protocol
 
 import numpy as np
 
 from paperrepro.errors import NoConvergence, TooFewPlanes
 from paperrepro.method.adjustment import scenarios
 from paperrepro.method.adjustment.screening import screen
-from paperrepro.method.adjustment.trajectory_errors import lasting_sigma
+from paperrepro.method.closest_points import boresight_by_closest_points
 from paperrepro.method.georeference import georeference
 from paperrepro.method.matching import FaceKey, FacePair, MatchParameters, match
-from paperrepro.method.patches import (
-    Patches,
-    PatchMatchParameters,
-    PatchParameters,
-    choose,
-    find_patches,
-    match_patches,
-    seen_by_all,
-)
+from paperrepro.method.patches import choose, find_patches
 from paperrepro.method.roofs import RoofParameters, Roofs, candidates, extract
 from paperrepro.method.tie_planes import LEAST_PLANES, Rejection, TiePlanes
 from paperrepro.survey import Mounting, Rays, Survey
@@ -41,12 +34,8 @@ Progress = Callable[[str], None]
 
 #: The estimator between two passes: [11] without range offsets, which move no face far.
 FOR_SEARCH = "SL without offsets"
-#: Most points of a strip that are looked at for planes of any kind, of a face that are adjusted,
-#: and planes.
-MOST_POINTS, MOST_OF_FACE, MOST_PLANES = 400_000, 400, 200
-#: Edge of a patch: at most so many metres, at least so many, and so many patches in a strip. The
-#: fewest points that a patch of a strip should have sets a limit from below, too.
-TILE_M, TILES_PER_STRIP, POINTS_PER_TILE = (0.6, 4.0), 200, 100
+#: Most points of a strip that are looked at for planes of any kind, and planes.
+MOST_POINTS, MOST_PLANES = 400_000, 200
 
 
 def silent(words: str) -> None:
@@ -60,26 +49,6 @@ class Candidates:
 
     index: dict[str, np.ndarray]
     rays: dict[str, Rays]
-
-
-class Search(Protocol):
-    """How planes are found and matched under a given mounting, by beams within ``fan_deg`` of the
-    scanner's equator; ``max_passes`` of it at most."""
-
-    fan_deg: float
-    max_passes: int
-
-    def find(self, p_m: np.ndarray, rng: np.random.Generator):
-        """Planes of one strip, among points (N, 3) m."""
-
-    def match(self, found: dict) -> tuple[Sequence[Tie], Sequence[FacePair]]:
-        """Physical faces, and the pairs of views of which they are made."""
-
-    def views(self, tie: Tie, found: dict, p_m: dict[str, np.ndarray]) -> TieViews:
-        """Points of each view of a physical face."""
-
-    def tolerance_deg(self, survey: Survey, planes: TiePlanes, boresight: np.ndarray):
-        """Change of the boresight, a number or (3,), at which the planes are final."""
 
 
 @dataclass(frozen=True)
@@ -98,101 +67,13 @@ class RoofSearch:
         coarse = self.roofs.coarse(), MatchParameters.coarse()
         return replace(self, roofs=coarse[0], matching=coarse[1], fan_deg=3.5)
 
-    def find(self, p_m: np.ndarray, rng: np.random.Generator) -> Roofs:
-        return extract(p_m, self.roofs, rng)
-
-    def match(self, found: dict[str, Roofs]):
-        matches = match(found, self.matching)
-        return matches.connected_faces(), matches.pairs
-
-    def views(self, tie: Tie, found: dict[str, Roofs], p_m: dict[str, np.ndarray]) -> TieViews:
-        return [((strip, face), found[strip].faces[face].points) for strip, face in tie]
-
-    def tolerance_deg(self, survey: Survey, planes: TiePlanes, boresight: np.ndarray) -> float:
-        return self.settled_deg
-
-
-@dataclass(frozen=True)
-class PatchSearch:
-    """Planar patches of any kind; ``settled_sigmas``: what an angle may change by in its sigma."""
-
-    patches: PatchParameters
-    matching: PatchMatchParameters
-    fan_deg: float
-    settled_deg: float = 0.02
-    settled_sigmas: float = 0.5
-    max_passes: int = 12
-
-    @classmethod
-    def coarse(cls, tile_m: float) -> "PatchSearch":
-        """For boresights wrong by up to 3 degrees; see `matching.MatchParameters.coarse`."""
-        inclination = max(10.0, 3 * normal_noise_deg(tile_m))
-        matching = PatchMatchParameters(3.0, max(tile_m, 3.0), inclination, same_tile=False)
-        return cls(PatchParameters.coarse(tile_m), matching, fan_deg=3.5)
-
-    @classmethod
-    def fine(cls, tile_m: float) -> "PatchSearch":
-        """All beams, for a boresight right to 0.2 degrees."""
-        inclination = max(3.0, 3 * normal_noise_deg(tile_m))
-        matching = PatchMatchParameters(0.3, tile_m, inclination, same_tile=True)
-        return cls(PatchParameters.fine(tile_m), matching, fan_deg=90.0)
-
-    def find(self, p_m: np.ndarray, rng: np.random.Generator) -> Patches:
-        return find_patches(p_m, self.patches)
-
-    def match(self, found: dict[str, Patches]):
-        """At most `MOST_PLANES` places, of varied direction and spread out. Raises
-        `TooFewPlanes`."""
-        ties = match_patches(found, self.matching)
-        if len(ties) < LEAST_PLANES:
-            counts = ", ".join(f"{name} {len(patches)}" for name, patches in found.items())
-            raise TooFewPlanes(
-                f"expected at least {LEAST_PLANES} planar patches that two strips share, got "
-                f"{len(ties)}; patches per strip: {counts}; give strips that overlap, over ground, "
-                "roofs or walls, or start from a boresight closer to the truth"
-            )
-        first = [(found[strip], number) for (strip, number), *_ in ties]
-        normal = np.array([of.normal[number] for of, number in first])
-        centroid = np.array([of.centroid[number] for of, number in first])
-        views = np.array([len(tie) for tie in ties])
-        chosen = [ties[k] for k in choose(normal, centroid, views, MOST_PLANES)]
-        return chosen, [FacePair(*pair) for tie in chosen for pair in combinations(tie, 2)]
-
-    def views(self, tie: Tie, found: dict[str, Patches], p_m: dict[str, np.ndarray]) -> TieViews:
-        """At most `MOST_OF_FACE` points of each; none of a view that shows too little."""
-        members = [found[strip].members(number) for strip, number in tie]
-        if self.matching.same_tile:
-            axis = int(found[tie[0][0]].tile[tie[0][1], 0])
-            members = seen_by_all(members, [p_m[s] for s, _ in tie], axis, self.patches.tile_m)
-        enough = self.patches.min_points // 2
-        return [
-            (key, _evenly(index, MOST_OF_FACE))
-            for key, index in zip(tie, members, strict=True)
-            if len(index) >= enough
-        ]
-
-    def tolerance_deg(self, survey: Survey, planes: TiePlanes, boresight: np.ndarray) -> np.ndarray:
-        """Where a flight hardly determines an angle, each pass draws another one."""
-        sigma = np.rad2deg(lasting_sigma(survey, planes, boresight))
-        return np.maximum(self.settled_deg, self.settled_sigmas * sigma)
-
-
-def normal_noise_deg(tile_m: float, roughness_m: float = 0.03, independent: int = 10) -> float:
-    """To what a normal is known whose patch departs from its plane by ``roughness_m`` in so many
-    ``independent`` places: 3 degrees at 0.6 m, half a degree at 4 m."""
-    return float(np.degrees(roughness_m / np.sqrt(independent) / (tile_m / np.sqrt(12))))
-
-
-def _evenly(index: np.ndarray, most: int) -> np.ndarray:
-    return index[np.linspace(0, len(index) - 1, min(most, len(index))).astype(int)]
-
 
 @dataclass(frozen=True)
 class PlaneSurvey:
     """Planes of all strips, found and matched under ``mounting``.
 
-    ``surfaces`` by strip, `Roofs` or `Patches`, whose points index the `Candidates` of the beams
-    used; ``pairs`` of views as matched, and ``ties``, the physical faces; ``tie_planes`` what the
+    ``surfaces`` by strip, whose points index the `Candidates` of the beams used, none of planes of
+    any kind; ``pairs`` of views as matched, ``ties``, the physical faces; ``tie_planes`` what the
     adjustment takes, its faces in the order of ``keys`` (strip, number of the surface), their
     points ``views`` (strip, indices into the strip); ``rejected`` faces, wrong matches that are in
     ``pairs`` but not in ``ties``; ``agreed`` (3,) rad, the boresight on which the others agree;
@@ -200,7 +81,7 @@ class PlaneSurvey:
     """
 
     mounting: Mounting
-    surfaces: dict[str, Roofs] | dict[str, Patches]
+    surfaces: dict[str, Roofs]
     pairs: tuple[FacePair, ...]
     ties: tuple[Tie, ...]
     tie_planes: TiePlanes
@@ -229,8 +110,8 @@ class PlaneSurvey:
         boresight = ", ".join(f"{angle:.3f}" for angle in np.degrees(self.mounting.boresight))
         return (
             f"PlaneSurvey({self.tie_planes.n_planes} planes, {len(self.keys)} views, "
-            f"{len(self.tie_planes.rays)} points of {len(self.surfaces)} strips, found under a "
-            f"boresight of ({boresight})°, {len(self.rejected)} rejected)"
+            f"{len(self.tie_planes.rays)} points of {len({name for name, _ in self.keys})} strips, "
+            f"found under a boresight of ({boresight})°, {len(self.rejected)} rejected)"
         )
 
 
@@ -258,16 +139,6 @@ def sample_rays(survey: Survey, seed: int = 0) -> Candidates:
         index[strip.name] = chosen
         rays[strip.name] = survey.rays(strip, chosen)
     return Candidates(index, rays)
-
-
-def tile_size(samples: Mapping[str, Rays], mounting: Mounting) -> float:
-    """Edge of the patches, m, that suits the extent and the density of the strips."""
-    edges = []
-    for rays in samples.values():
-        cell = np.unique(np.floor(georeference(rays, mounting)[:, :2]).astype(int), axis=0)
-        density = len(rays) / len(cell)  # points a square metre
-        edges.append(max(np.sqrt(len(cell) / TILES_PER_STRIP), np.sqrt(POINTS_PER_TILE / density)))
-    return float(np.clip(np.median(edges), *TILE_M))
 
 
 def find_roofs(
@@ -330,14 +201,30 @@ def find_planes(
     TooFewPlanes, RankDefect, NoConvergence
     """
     points = points or sample_rays(survey)
-    tile_m = tile_size(points.rays, survey.mounting)
-    fine = PatchSearch.fine(tile_m)
-    searches = [PatchSearch.coarse(tile_m), fine]
-    return _search(survey, points, searches, progress)
+    boresight = boresight_by_closest_points(survey, points.rays)
+    change = np.rad2deg(np.abs(boresight - survey.mounting.boresight)).max()
+    progress(f"closest points: change {change:.3f}°")
+    mounting = survey.mounting.with_calibration(boresight)
+    patches = find_patches(
+        {name: georeference(rays, mounting) for name, rays in points.rays.items()}
+    )
+    if len(patches) < LEAST_PLANES:
+        raise TooFewPlanes(
+            f"expected at least {LEAST_PLANES} planar patches that two strips share, got "
+            f"{len(patches)}; give strips that overlap, over ground, roofs or walls"
+        )
+    chosen = choose(patches, MOST_PLANES)
+    progress(f"{len(patches)} planar patches, {len(chosen)} chosen")
+    ties = [
+        [((strip, number), index) for strip, index in patch.views.items()]
+        for number, patch in enumerate(chosen)
+    ]
+    found = _screened(survey, mounting, points.index, points.rays, {}, ties)
+    return replace(found, boresights=np.array([survey.mounting.boresight, boresight]))
 
 
 def _search(
-    survey: Survey, points: Candidates, searches: Sequence[Search], progress: Progress
+    survey: Survey, points: Candidates, searches: Sequence[RoofSearch], progress: Progress
 ) -> PlaneSurvey:
     """One pass by each of ``searches``, the last one repeated until the boresight settles.
 
@@ -349,16 +236,14 @@ def _search(
         search = searches[min(number, len(searches) - 1)]
         found = planes_under(survey, points, mounting, search)
         boresights.append(_boresight(survey, found))
-        change = np.rad2deg(np.abs(boresights[-1] - boresights[-2]))
-        words = f"{found.tie_planes.n_planes} planes, change {change.max():.3f}°"
-        progress(f"pass {number + 1}: {words}")
-        limit = search.tolerance_deg(survey, found.tie_planes, boresights[-1])
-        if search is last and (change < limit).all():
+        change = np.rad2deg(np.abs(boresights[-1] - boresights[-2])).max()
+        progress(f"pass {number + 1}: {found.tie_planes.n_planes} planes, change {change:.3f}°")
+        if search is last and change < last.settled_deg:
             return replace(found, boresights=np.array(boresights))
         mounting = mounting.with_calibration(boresights[-1])
     raise NoConvergence(
-        f"the planes did not settle in {last.max_passes} passes, last change {change.max():.3f} "
-        f"deg (limit {np.max(limit):.3f} deg); look for wrong matches, or start closer to the "
+        f"the planes did not settle in {last.max_passes} passes, last change {change:.3f} deg "
+        f"(limit {last.settled_deg:.3f} deg); look for wrong matches, or start closer to the "
         "mounting"
     )
 
@@ -373,7 +258,7 @@ def _boresight(survey: Survey, found: PlaneSurvey) -> np.ndarray:
 
 
 def planes_under(
-    survey: Survey, points: Candidates, mounting: Mounting, search: Search
+    survey: Survey, points: Candidates, mounting: Mounting, search: RoofSearch
 ) -> PlaneSurvey:
     """One pass: planes found and matched as they lie under ``mounting``.
 
@@ -383,7 +268,7 @@ def planes_under(
     points : Candidates
     mounting : Mounting
         Under which the points are georeferenced.
-    search : RoofSearch or PatchSearch
+    search : RoofSearch
 
     Returns
     -------
@@ -395,14 +280,28 @@ def planes_under(
     """
     in_fan = np.abs(survey.scanner.beam_elevations) <= np.deg2rad(search.fan_deg)
     generators = np.random.default_rng(0).spawn(len(points.rays))
-    index, rays, p_m, surfaces = {}, {}, {}, {}
+    index, rays, surfaces = {}, {}, {}
     for (name, of_strip), rng in zip(points.rays.items(), generators, strict=True):
         chosen = slice(None) if in_fan.all() else in_fan[of_strip.ring]
         index[name], rays[name] = points.index[name][chosen], of_strip.take(chosen)
-        p_m[name] = georeference(rays[name], mounting)
-        surfaces[name] = search.find(p_m[name], rng)
-    ties, pairs = search.match(surfaces)
-    views = [search.views(tie, surfaces, p_m) for tie in ties]
+        surfaces[name] = extract(georeference(rays[name], mounting), search.roofs, rng)
+    matches = match(surfaces, search.matching)
+    ties = [
+        [((strip, face), surfaces[strip].faces[face].points) for strip, face in tie]
+        for tie in matches.connected_faces()
+    ]
+    return _screened(survey, mounting, index, rays, surfaces, ties, matches.pairs)
+
+
+def _screened(
+    survey: Survey, mounting: Mounting, index: dict[str, np.ndarray], rays: dict[str, Rays],
+    surfaces: dict[str, Roofs], views: list[TieViews], pairs: Sequence[FacePair] | None = None,
+) -> PlaneSurvey:  # fmt: skip
+    """Tie planes of ``views``, without those that do not lie on the plane they were matched to;
+    ``pairs`` are all of a plane's if None."""
+    if pairs is None:
+        keys = [[key for key, _ in tie] for tie in views]
+        pairs = [FacePair(*pair) for tie in keys for pair in combinations(tie, 2)]
     planes = _tie_planes(rays, views, pairs)
     screening = screen(replace(survey, mounting=mounting), planes)
     if screening.rejected:

@@ -1,179 +1,203 @@
-"""Small planar patches of any kind in one strip: ground, walls, flat and sloped roofs alike.
+"""Planar patches of any kind that several strips show: ground, walls, flat and sloped roofs alike.
 
-The thinned cloud is grown into smooth segments as roofs are, but with no slope and no gable asked.
-Segments are then cut by a grid that is the same for all strips, so that what two strips see of one
-place are two patches of one footprint, and ground that rolls is flat enough within each. A patch
-steeper than 45 degrees is cut by a grid in the vertical plane it faces.
+Points around a centre are tried in balls, the largest first. A patch is where the points of two
+strips or more each lie on a plane, and these planes agree. Large patches tell normals better, small
+ones find room on a car or a bank, so all sizes serve together and none has to be guessed: a smooth
+field gives a few large ones, a rough one more of the small.
 
-A patch has no outline to recognise it by in another strip. Two correspond when their normals agree,
-one lies near the plane of the other, and each is the other's best. While the boresight is coarse a
-patch may lie a tile or more from its like; later both must lie in one cell of the common grid.
+Under a boresight right to a tenth of a degree what two strips see of one place lies within
+centimetres; see `closest_points`.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from itertools import chain, combinations
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from paperrepro.method.cells import Thinned, thin
-from paperrepro.method.matching import FaceKey, FacePair, connected_faces
-from paperrepro.method.planes import GrowingParameters, grow_regions, neighbourhood
+from paperrepro.method.cells import thin
 
-#: The two coordinates in which a patch is cut, by the axis nearest to its normal: x, y, z.
-IN_PLANE = np.array([[1, 2], [0, 2], [0, 1]])
+#: Points a patch of a strip should have, from which the least radius follows, and its limits, m;
+#: how many of the largest patches a strip should have room for, and their greatest radius, m; from
+#: one radius to the next the area grows by a half.
+POINTS_OF_LEAST, LEAST_M, ROOM_FOR, LARGEST_M, GROWTH = 40, (0.25, 1.5), 200, 2.5, np.sqrt(1.5)
+#: Centres that are tried, and points of a strip in a ball, at most.
+MOST_CENTRES, MOST_OF_VIEW = 4000, 400
+#: Directions of normals that are told apart when planes are chosen: slopes, deg, and sectors.
+SLOPES_DEG = (6.0, 20.0, 50.0)
+SECTORS = 8
 
 
 @dataclass(frozen=True)
 class PatchParameters:
     """What a patch is.
 
-    ``tile_m``: edge of the grid. ``cells``: voxels along that edge in the thinned cloud.
-    ``growing``: as for roofs. ``min_cells`` and ``min_points`` of a patch; ``tolerance_m`` from
-    which a point does not belong, and the greatest ``rms_m``; ``min_width`` of a patch: RMS along
-    its lesser direction as a share of the tile's edge (a full tile has 0.29).
+    ``min_points`` of a view; its greatest ``rms_m`` from its plane, also as a share of its radius,
+    ``roughness``; what share of its points may lie off the plane, ``strangers``; ``min_width``: RMS
+    along its lesser direction as a share of the radius (a full disc has 0.5). Views agree when
+    their normals do within ``inclination_deg``, or thrice what roughness makes of a normal, and
+    each lies within ``distance_m`` of the other's plane; ``shift`` of their centroids, in radii.
     """
 
-    tile_m: float = 4.0
-    cells: int = 8
-    growing: GrowingParameters = field(
-        default_factory=lambda: GrowingParameters(16, angle_deg=8.0, residual_m=0.05)
-    )
-    min_cells: int = 16
-    min_points: int = 40
-    tolerance_m: float = 0.10
+    min_points: int = 20
     rms_m: float = 0.06
-    min_width: float = 0.12
-
-    @classmethod
-    def fine(cls, tile_m: float) -> "PatchParameters":
-        """For a boresight right to 0.2 degrees."""
-        return cls(tile_m=tile_m)
-
-    @classmethod
-    def coarse(cls, tile_m: float) -> "PatchParameters":
-        """For the central beams under a boresight wrong by up to 3 degrees, which makes a surface
-        18 cm thick 30 m below: see `roofs.RoofParameters.coarse`."""
-        growing = GrowingParameters(16, angle_deg=15.0, residual_m=0.15)
-        return cls(
-            tile_m=tile_m, growing=growing, min_points=20, tolerance_m=0.30, rms_m=0.15,
-            min_cells=10,
-        )  # fmt: skip
-
-    @property
-    def cell_m(self) -> float:
-        """Edge of the thinned cloud's voxels, m."""
-        return self.tile_m / self.cells
+    roughness: float = 0.1
+    strangers: float = 0.2
+    min_width: float = 0.3
+    inclination_deg: float = 3.0
+    distance_m: float = 0.3
+    shift: float = 0.5
 
 
 @dataclass(frozen=True)
-class Patches:
-    """P patches of one strip, m-frame.
+class Patch:
+    """``centre`` (3,) m, ``radius_m``, ``normal`` (3,) with n_z >= 0, and the points of its
+    ``views``: by strip, indices into the strip's."""
 
-    ``normal`` (P, 3) with n_z >= 0, ``centroid`` (P, 3) m, ``rms`` (P,) m about the plane;
-    ``tile`` (P, 3): the axis nearest to the normal and the place in that axis' grid; ``points``
-    sorted by patch, indices into the cloud, those of patch ``k`` at ``start[k]:start[k + 1]``.
-    """
+    centre: np.ndarray
+    radius_m: float
+    normal: np.ndarray
+    views: dict[str, np.ndarray]
 
+
+@dataclass(frozen=True)
+class _Views:
+    """What one strip shows in C balls: ``points`` sorted by ball, those of ball ``c`` at
+    ``start[c]:start[c + 1]``, with ``normal`` (C, 3), ``centroid`` (C, 3), and which are planar
+    (C,)."""
+
+    points: np.ndarray
+    start: np.ndarray
     normal: np.ndarray
     centroid: np.ndarray
     rms: np.ndarray
-    tile: np.ndarray
-    points: np.ndarray
-    start: np.ndarray
+    planar: np.ndarray
 
-    def __len__(self) -> int:
-        return len(self.rms)
+    @classmethod
+    def of(cls, p_m, centres: np.ndarray, radius_m: float, params: PatchParameters) -> "_Views":
+        rng = np.random.default_rng(0)
+        most = np.flatnonzero(rng.random(len(p_m)) < _share(p_m, radius_m))
+        balls = cKDTree(p_m[most]).query_ball_point(centres, radius_m, return_sorted=True)
+        start = np.r_[0, np.cumsum([len(ball) for ball in balls])]
+        points = most[np.concatenate([np.asarray(ball, int) for ball in balls])]
+        given = np.diff(start)
+        for sigmas in (2.5, 3.0, 3.0):
+            normal, centroid, values = _fit(p_m[points], start)
+            ball = np.repeat(np.arange(len(centres)), np.diff(start))
+            limit = np.maximum(sigmas * np.minimum(np.sqrt(values[:, 0]), params.rms_m), 0.002)
+            off = np.einsum("na,na->n", p_m[points] - centroid[ball], normal[ball])
+            near = np.abs(off) <= limit[ball]
+            start = np.r_[0, np.cumsum(np.bincount(ball[near], minlength=len(centres)))]
+            points = points[near]
+        normal, centroid, values = _fit(p_m[points], start)
+        count, rms = np.diff(start), np.sqrt(values[:, 0])
+        planar = (count >= params.min_points) & (count >= (1 - params.strangers) * given)
+        planar &= rms <= min(params.rms_m, params.roughness * radius_m)
+        planar &= np.sqrt(values[:, 1]) >= params.min_width * radius_m
+        return cls(points, start, normal, centroid, rms, planar)
 
-    def members(self, patch: int) -> np.ndarray:
-        """Indices into the cloud of one patch's points."""
-        return self.points[self.start[patch] : self.start[patch + 1]]
-
-
-def find_patches(p_m: np.ndarray, params: PatchParameters) -> Patches:
-    """The planar patches among points p_m (N, 3), m, m-frame, of one strip."""
-    thinned = thin(p_m, params.cell_m)
-    if len(thinned) < params.min_cells:
-        return _of_points(p_m, np.empty((0, 3), int), np.empty(0, int), np.zeros(1, int))
-    reach = 4 * params.cell_m
-    around = neighbourhood(thinned.p_m, params.growing.neighbours, reach)
-    segment = grow_regions(around, np.zeros(len(thinned), int), params.growing)
-    tile, members, start = _cut(thinned, segment, around.normal, params)
-    members, start, kept = _on_plane(p_m, members, start, params)
-    return _wide_enough(_of_points(p_m, tile[kept], members, start), p_m, params)
-
-
-def tiles(p_m: np.ndarray, axis: np.ndarray, edge_m: float) -> np.ndarray:
-    """Place (N, 2) of points (N, 3) in the grid of each one's ``axis`` (N,)."""
-    return np.floor(np.take_along_axis(p_m, IN_PLANE[axis], axis=1) / edge_m).astype(np.int64)
-
-
-def _cut(thinned: Thinned, segment: np.ndarray, normal: np.ndarray, params: PatchParameters):
-    """Tile (P, 3) of each piece of a segment, its full-density points and where they start."""
-    grown = np.flatnonzero(segment >= 0)
-    facing = np.zeros((segment.max() + 1, 3))
-    np.add.at(facing, segment[grown], np.abs(normal[grown]))
-    axis = facing.argmax(axis=1)[segment[grown]]
-    place = tiles(thinned.p_m[grown], axis, params.tile_m)
-    key = np.column_stack([segment[grown], axis, place])
-    pieces, piece, count = np.unique(key, axis=0, return_inverse=True, return_counts=True)
-    large = count >= params.min_cells
-    order = np.argsort(piece.ravel(), kind="stable")
-    order = order[large[piece.ravel()[order]]]
-    voxels = grown[order]
-    per_voxel = np.diff(thinned.start)[voxels]
-    edges = np.r_[0, np.cumsum(count[large])]
-    start = np.r_[0, np.cumsum(per_voxel)][edges]
-    return pieces[large, 1:], thinned.members(voxels), start
+    def members(self, ball: int) -> np.ndarray:
+        return self.points[self.start[ball] : self.start[ball + 1]]
 
 
-def _on_plane(p_m, members, start, params: PatchParameters):
-    """Points that lie on their piece's plane, and which pieces keep enough of them."""
-    for sigmas in (3.0, 3.0):
-        normal, centroid, rms = _fit(p_m[members], start)
-        piece = np.repeat(np.arange(len(rms)), np.diff(start))
-        limit = np.minimum(np.maximum(sigmas * rms, 0.002), params.tolerance_m)[piece]
-        off = np.einsum("na,na->n", p_m[members] - centroid[piece], normal[piece])
-        members, start = _select(members, piece, np.abs(off) <= limit, len(rms))
-    _, _, rms = _fit(p_m[members], start)
-    kept = (np.diff(start) >= params.min_points) & (rms <= params.rms_m)
-    piece = np.repeat(np.arange(len(rms)), np.diff(start))
-    members, start = _select(members, piece, kept[piece], len(rms))
-    return members, np.r_[start[:-1][kept], start[-1]], kept
+def find_patches(
+    p_m: Mapping[str, np.ndarray], params: PatchParameters | None = None
+) -> list[Patch]:
+    """Patches that two strips or more show, apart from one another.
+
+    ``p_m``: points (N, 3) m of each strip, m-frame. Sorted from large to small.
+    """
+    params = params or PatchParameters()
+    clouds = [cloud for cloud in p_m.values() if len(cloud)]
+    if len(clouds) < 2:
+        return []
+    radii_m = _radii(clouds)
+    centres, edge = np.vstack(clouds), radii_m[-1]
+    while len(centres) > MOST_CENTRES:
+        centres, edge = thin(np.vstack(clouds), edge).p_m, 1.2 * edge
+    found: list[Patch] = []
+    for radius_m in radii_m:
+        centres = centres[_free(centres, radius_m, found)]
+        found += _of_radius(p_m, centres, radius_m, params)
+    return found
 
 
-def _select(members, piece, chosen, n_pieces):
-    count = np.bincount(piece[chosen], minlength=n_pieces)
-    return members[chosen], np.r_[0, np.cumsum(count)]
+def _radii(clouds: list[np.ndarray]) -> np.ndarray:
+    """Of the patches that are tried, m, from large to small."""
+    ground = np.array([len(np.unique(np.floor(p[:, :2]).astype(int), axis=0)) for p in clouds])
+    density = np.median([len(p) for p in clouds] / ground)  # points a square metre
+    least = float(np.clip(np.sqrt(POINTS_OF_LEAST / np.pi / density), *LEAST_M))
+    largest = min(np.sqrt(np.median(ground) / ROOM_FOR / np.pi), LARGEST_M)
+    steps = max(round(np.log(largest / least) / np.log(GROWTH)), 0)
+    return least * GROWTH ** np.arange(steps, -1, -1)
 
 
-def _wide_enough(patches: Patches, p_m: np.ndarray, params: PatchParameters) -> Patches:
-    """Without those that are hardly wider than a line."""
-    _, spread = _scatter(p_m[patches.points], patches.start)
-    width = np.sqrt(np.maximum(np.linalg.eigvalsh(spread)[:, 1], 0.0))
-    kept = width >= params.min_width * params.tile_m
-    piece = np.repeat(np.arange(len(patches)), np.diff(patches.start))
-    points, start = _select(patches.points, piece, kept[piece], len(patches))
-    start = np.r_[start[:-1][kept], start[-1]]
-    return _of_points(p_m, patches.tile[kept], points, start)
+def _share(p_m: np.ndarray, radius_m: float) -> float:
+    """Of the points, such that a ball has `MOST_OF_VIEW` at most, as a rule."""
+    return MOST_OF_VIEW / max(np.pi * radius_m**2 * _density(p_m), MOST_OF_VIEW)
 
 
-def _of_points(p_m, tile, points, start) -> Patches:
-    normal, centroid, rms = _fit(p_m[points], start)
-    return Patches(normal, centroid, rms, tile, points, start)
+def _density(p_m: np.ndarray) -> float:
+    """Points a square metre of ground."""
+    return len(p_m) / len(np.unique(np.floor(p_m[:, :2]).astype(int), axis=0))
+
+
+def _free(centres: np.ndarray, radius_m: float, found: list[Patch]) -> np.ndarray:
+    """Which of ``centres`` (C, 3) have room for a ball beside those ``found``, (C,)."""
+    free = np.ones(len(centres), bool)
+    for patch in found:
+        apart = np.linalg.norm(centres - patch.centre, axis=1)
+        free &= apart >= patch.radius_m + radius_m
+    return free
+
+
+def _of_radius(p_m, centres, radius_m: float, params: PatchParameters) -> list[Patch]:
+    """Patches of one radius that leave one another their room."""
+    if not len(centres):
+        return []
+    seen = {name: _Views.of(cloud, centres, radius_m, params) for name, cloud in p_m.items()}
+    names = list(seen)
+    planar = np.array([views.planar for views in seen.values()])
+    count = np.array([np.diff(views.start) for views in seen.values()])
+    first = np.where(planar, count, -1).argmax(axis=0)
+    normal = np.array([views.normal for views in seen.values()])
+    centroid = np.array([views.centroid for views in seen.values()])
+    balls = np.arange(len(centres))
+    agree = planar & _alike(
+        normal, centroid, normal[first, balls], centroid[first, balls], radius_m, params
+    )
+    shown = agree.sum(axis=0)
+    rms = np.sum([views.rms for views in seen.values()], axis=0, where=agree) / np.maximum(shown, 1)
+    made: list[Patch] = []
+    for ball in np.lexsort((rms, -shown)):
+        if shown[ball] < 2:
+            break
+        if _free(centres[ball : ball + 1], radius_m, made).all():
+            views = {names[s]: seen[names[s]].members(ball) for s in np.flatnonzero(agree[:, ball])}
+            made.append(Patch(centres[ball], radius_m, normal[first[ball], ball], views))
+    return made
+
+
+def _alike(normal, centroid, n, c, radius_m: float, params: PatchParameters) -> np.ndarray:
+    """Which views (S, C) lie on the plane (C, 3) through (C, 3)."""
+    step = centroid - c
+    turn = np.arccos(np.clip(np.abs(np.einsum("sca,ca->sc", normal, n)), 0, 1))
+    off = np.abs(np.einsum("sca,ca->sc", step, n))
+    shift = np.sqrt(np.maximum(np.square(step).sum(axis=2) - off**2, 0.0))
+    most = np.radians(max(params.inclination_deg, 3 * normal_noise_deg(radius_m)))
+    near = (off <= params.distance_m) & (shift <= params.shift * radius_m)
+    return near & (turn <= most)
+
+
+def normal_noise_deg(radius_m: float, roughness_m: float = 0.03, independent: int = 10) -> float:
+    """To what a normal is known whose patch departs from its plane by ``roughness_m`` in so many
+    ``independent`` places: 3 degrees at 0.35 m, half a degree at 2 m."""
+    return float(np.degrees(roughness_m / np.sqrt(independent) / (radius_m / 2)))
 
 
 def _fit(q: np.ndarray, start: np.ndarray):
-    """PCA planes of consecutive groups of points: normals (P, 3), centroids (P, 3), rms (P,)."""
-    centroid, spread = _scatter(q, start)
-    values, vectors = np.linalg.eigh(spread)
-    normal = vectors[:, :, 0] * np.where(vectors[:, 2:, 0] < 0, -1.0, 1.0)
-    return normal, centroid, np.sqrt(np.maximum(values[:, 0], 0.0))
-
-
-def _scatter(q: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centroids (P, 3) and mean squared spreads (P, 3, 3) of groups; zeros for empty groups."""
+    """PCA planes of consecutive groups of points: normals (P, 3), centroids (P, 3), and mean
+    squared spreads (P, 3) along the normal and in the plane; zeros for empty groups."""
     group = np.repeat(np.arange(len(start) - 1), np.diff(start))
     count = np.maximum(np.diff(start), 1)
 
@@ -186,85 +210,20 @@ def _scatter(q: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     for a in range(3):
         for b in range(a, 3):
             spread[:, a, b] = spread[:, b, a] = mean(r[:, a] * r[:, b])
-    return centroid, spread
+    values, vectors = np.linalg.eigh(spread)
+    normal = vectors[:, :, 0] * np.where(vectors[:, 2:, 0] < 0, -1.0, 1.0)
+    return normal, centroid, np.maximum(values, 0.0)
 
 
-#: Edge of the cells by which footprints are compared, in tiles.
-FOOTPRINT = 0.25
-#: A view that shows less than this share of what all views show of a patch is left out.
-LEAST_COVER = 0.5
-#: Directions of normals that are told apart when planes are chosen: slopes, deg, and sectors.
-SLOPES_DEG = (6.0, 20.0, 50.0)
-SECTORS = 8
+def choose(patches: list[Patch], most: int) -> list[Patch]:
+    """At most ``most``: see `varied`."""
+    normal = np.array([patch.normal for patch in patches])
+    centre = np.array([patch.centre for patch in patches])
+    views = np.array([len(patch.views) for patch in patches])
+    return [patches[k] for k in varied(normal, centre, views, most)]
 
 
-@dataclass(frozen=True)
-class PatchMatchParameters:
-    """``distance_m`` from the other's plane and ``shift_m`` along it, at most; ``inclination_deg``
-    between the normals; ``same_tile``: both in one cell of the grid."""
-
-    distance_m: float
-    shift_m: float
-    inclination_deg: float
-    same_tile: bool
-
-
-def match_patches(
-    patches: Mapping[str, Patches], params: PatchMatchParameters
-) -> tuple[tuple[FaceKey, ...], ...]:
-    """For each place that two strips or more show, its views, at most one a strip, sorted."""
-    pairs = []
-    for reference, search in combinations(patches, 2):
-        a, b, score = _mutual_best(patches[reference], patches[search], params)
-        pairs += [
-            FacePair((reference, int(i)), (search, int(j)), float(s), 0.0)
-            for i, j, s in zip(a, b, score, strict=True)
-        ]
-    return connected_faces(pairs)
-
-
-def _mutual_best(ours: Patches, theirs: Patches, params: PatchMatchParameters):
-    """Patches (M,), (M,) that are each other's best, and their scores (M,)."""
-    a, b = _near(ours, theirs, np.hypot(params.distance_m, params.shift_m))
-    step = theirs.centroid[b] - ours.centroid[a]
-    n = ours.normal[a] + theirs.normal[b] * _sign(ours.normal[a], theirs.normal[b])
-    n /= np.linalg.norm(n, axis=1, keepdims=True)
-    off = np.abs(np.einsum("pa,pa->p", step, n))
-    shift = np.sqrt(np.maximum(np.square(step).sum(axis=1) - off**2, 0.0))
-    turn = _inclination(ours.normal[a], theirs.normal[b])
-    limit = np.radians(params.inclination_deg)
-    kept = (off <= params.distance_m) & (shift <= params.shift_m) & (turn <= limit)
-    if params.same_tile:
-        kept &= (ours.tile[a] == theirs.tile[b]).all(axis=1)
-    score = np.sqrt(
-        (off / params.distance_m) ** 2 + (shift / params.shift_m) ** 2 + (turn / limit) ** 2
-    )
-    a, b, score = a[kept], b[kept], score[kept]
-    best_a, best_b = np.full(len(ours), np.inf), np.full(len(theirs), np.inf)
-    np.minimum.at(best_a, a, score)
-    np.minimum.at(best_b, b, score)
-    mutual = (score == best_a[a]) & (score == best_b[b])
-    return a[mutual], b[mutual], score[mutual]
-
-
-def _near(ours: Patches, theirs: Patches, reach_m: float) -> tuple[np.ndarray, np.ndarray]:
-    if not len(ours) or not len(theirs):
-        return np.empty(0, int), np.empty(0, int)
-    found = cKDTree(ours.centroid).query_ball_tree(cKDTree(theirs.centroid), reach_m)
-    count = [len(near) for near in found]
-    return np.repeat(np.arange(len(ours)), count), np.array(list(chain(*found)), int)
-
-
-def _sign(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    return np.where(np.einsum("pa,pa->p", one, other) < 0, -1.0, 1.0)[:, None]
-
-
-def _inclination(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    cross = np.linalg.norm(np.cross(one, other), axis=1)
-    return np.arctan2(cross, np.abs(np.einsum("pa,pa->p", one, other)))
-
-
-def choose(normal: np.ndarray, centroid: np.ndarray, views: np.ndarray, most: int) -> np.ndarray:
+def varied(normal: np.ndarray, centroid: np.ndarray, views: np.ndarray, most: int) -> np.ndarray:
     """Indices of at most ``most`` planes out of G, (G, 3) and (G, 3): of every direction as many,
     and of each direction those that lie farthest apart, the half of more ``views`` (G,) first.
 
@@ -294,27 +253,3 @@ def _spread_out(p_m: np.ndarray, most: int) -> np.ndarray:
         distance[following] = -1.0
         following = int(distance.argmax())
     return np.r_[order, np.setdiff1d(np.arange(len(p_m)), order)].astype(int)
-
-
-def seen_by_all(
-    members: list[np.ndarray], clouds: list[np.ndarray], axis: int, tile_m: float
-) -> list[np.ndarray]:
-    """``members``, indices of each view into its cloud (N, 3) m, where every kept view has points.
-
-    None of a view that shows too little of the place. What a surface departs from a plane is then
-    the same for all views, and their centroids lie over one another.
-    """
-    codes = []
-    for index, p_m in zip(members, clouds, strict=True):
-        cell = np.floor(p_m[index][:, IN_PLANE[axis]] / (FOOTPRINT * tile_m)).astype(int)
-        codes.append(cell[:, 0] * (1 << 24) + cell[:, 1])
-    shown = [np.unique(code) for code in codes]
-    everything = np.unique(np.concatenate(shown))
-    kept = [len(cover) >= LEAST_COVER * len(everything) for cover in shown]
-    common = everything
-    for cover, keep in zip(shown, kept, strict=True):
-        common = np.intersect1d(common, cover) if keep else common
-    return [
-        index[np.isin(code, common) & keep]
-        for index, code, keep in zip(members, codes, kept, strict=True)
-    ]

@@ -39,7 +39,7 @@ from paperrepro.method.adjustment.trajectory_solver import (
     iterate,
     prior_chi2,
 )
-from paperrepro.method.patches import choose
+from paperrepro.method.patches import varied
 from paperrepro.method.tie_planes import TiePlanes
 from paperrepro.survey import Mounting, Navigation, Survey, Trajectory
 
@@ -151,7 +151,7 @@ def few_planes(tie_planes: TiePlanes, mounting: Mounting) -> TiePlanes:
     """At most `NOISE_PLANES` planes that face many ways, and `NOISE_POINTS` points of a face: what
     shows the noise."""
     states, views = tie_planes.plane_states(mounting), np.bincount(tie_planes.plane)
-    planes = choose(states.plane[:, :3], states.centroid, views, NOISE_PLANES)
+    planes = varied(states.plane[:, :3], states.centroid, views, NOISE_PLANES)
     return tie_planes.subset(np.isin(tie_planes.plane, planes)).thinned(NOISE_POINTS)
 
 
