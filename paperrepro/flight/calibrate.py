@@ -36,6 +36,8 @@ from paperrepro.survey import Survey
 PLANES = ("auto", "gables", "any")
 #: Gable faces from which on gables suffice: six roofs, as many azimuths.
 ENOUGH_GABLES = 12
+#: Boresight error from which on gables may be missed for the start alone, rad.
+FAR = np.deg2rad(2.5)
 #: Strips from which on the noise of the trajectory is told from the boresight: in two lines half of
 #: the boresight and an error of either look alike.
 ENOUGH_STRIPS = 4
@@ -206,23 +208,31 @@ def _find(
     survey: Survey, points: Candidates, planes: str, progress: Progress,
     parameters: Parameters | None,
 ):  # fmt: skip
-    """Which planes, what was found, and what is to be said of the choice."""
-    if planes == "any":
-        return "any", find_planes(survey, points, progress=progress), []
-    try:
-        search = (parameters or Parameters()).search
-        found = find_roofs(survey, search=search, progress=progress)
-    except (TooFewPlanes, RankDefect, NoConvergence) as error:
-        if planes == "gables":
-            raise
-        why = f"gable roofs did not suffice ({str(error).split(';')[0]})"
+    """Which planes, what was found, and what is to be said of the choice. Gables that were not
+    found from a start too far off are sought again from the boresight that other planes have."""
+    search, start, others = (parameters or Parameters()).search, survey, None
+    while planes != "any":
+        try:
+            found = find_roofs(start, search=search, progress=progress)
+        except (TooFewPlanes, RankDefect, NoConvergence) as error:
+            if planes == "gables":
+                raise
+            why = f"gable roofs did not suffice ({str(error).split(';')[0]})"
+        else:
+            if planes == "gables" or found.tie_planes.n_planes >= ENOUGH_GABLES:
+                return "gables", found, []
+            why = f"only {found.tie_planes.n_planes} faces of gable roofs lie in two strips or more"
+        if others is not None:
+            break
+        others = find_planes(survey, points, progress=progress)
+        if np.abs(others.boresights[-1] - survey.mounting.boresight).max() < FAR:
+            break
+        start = replace(survey, mounting=survey.mounting.with_calibration(others.boresights[-1]))
     else:
-        if planes == "gables" or found.tie_planes.n_planes >= ENOUGH_GABLES:
-            return "gables", found, []
-        why = f"only {found.tie_planes.n_planes} faces of gable roofs lie in two strips or more"
+        return "any", find_planes(survey, points, progress=progress), []
     remark = f"Planes of any kind were used: {why}."
     progress(remark)
-    return "any", find_planes(survey, points, progress=progress), [remark]
+    return "any", others, [remark]
 
 
 def _adjust(

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from paperrepro._compiled import one_blas_thread
 from paperrepro.errors import NoConvergence, TooFewPlanes
 from paperrepro.method.georeference import georeference
 from paperrepro.method.planes import neighbourhood
@@ -95,6 +96,7 @@ class _Pairs:
         return dx
 
 
+@one_blas_thread
 def boresight_by_closest_points(survey: Survey, rays: dict[str, Rays], seed: int = 0) -> np.ndarray:
     """The boresight under which what is seen from different places agrees.
 

@@ -41,7 +41,7 @@ class PatchParameters:
 
     min_points: int = 20
     rms_m: float = 0.06
-    roughness: float = 0.1
+    roughness: float = 0.14
     strangers: float = 0.2
     min_width: float = 0.3
     inclination_deg: float = 3.0
@@ -61,6 +61,29 @@ class Patch:
 
 
 @dataclass(frozen=True)
+class _Cloud:
+    """Points (N, 3) m of a strip and how many cubes of a metre they lie in: about the square metres
+    of what they show."""
+
+    p_m: np.ndarray
+    area_m2: int
+
+    @classmethod
+    def of(cls, p_m: np.ndarray) -> "_Cloud":
+        return cls(p_m, len(thin(p_m, 1.0)))
+
+    @property
+    def density(self) -> float:
+        """Points a square metre."""
+        return len(self.p_m) / self.area_m2
+
+    def thinned(self, radius_m: float) -> np.ndarray:
+        """Indices of as many points, drawn at random, that a ball has `MOST_OF_VIEW` as a rule."""
+        share = MOST_OF_VIEW / max(np.pi * radius_m**2 * self.density, MOST_OF_VIEW)
+        return np.flatnonzero(np.random.default_rng(0).random(len(self.p_m)) < share)
+
+
+@dataclass(frozen=True)
 class _Views:
     """What one strip shows in C balls: ``points`` sorted by ball, those of ball ``c`` at
     ``start[c]:start[c + 1]``, with ``normal`` (C, 3), ``centroid`` (C, 3), and which are planar
@@ -74,9 +97,8 @@ class _Views:
     planar: np.ndarray
 
     @classmethod
-    def of(cls, p_m, centres: np.ndarray, radius_m: float, params: PatchParameters) -> "_Views":
-        rng = np.random.default_rng(0)
-        most = np.flatnonzero(rng.random(len(p_m)) < _share(p_m, radius_m))
+    def of(cls, cloud: "_Cloud", centres, radius_m: float, params: PatchParameters) -> "_Views":
+        p_m, most = cloud.p_m, cloud.thinned(radius_m)
         balls = cKDTree(p_m[most]).query_ball_point(centres, radius_m, return_sorted=True)
         start = np.r_[0, np.cumsum([len(ball) for ball in balls])]
         points = most[np.concatenate([np.asarray(ball, int) for ball in balls])]
@@ -108,54 +130,43 @@ def find_patches(
     ``p_m``: points (N, 3) m of each strip, m-frame. Sorted from large to small.
     """
     params = params or PatchParameters()
-    clouds = [cloud for cloud in p_m.values() if len(cloud)]
+    clouds = {name: _Cloud.of(points) for name, points in p_m.items() if len(points)}
     if len(clouds) < 2:
         return []
-    radii_m = _radii(clouds)
-    centres, edge = np.vstack(clouds), radii_m[-1]
+    radii_m, everything = _radii(list(clouds.values())), np.vstack([*p_m.values()])
+    centres, edge = everything, radii_m[-1]
     while len(centres) > MOST_CENTRES:
-        centres, edge = thin(np.vstack(clouds), edge).p_m, 1.2 * edge
+        centres, edge = thin(everything, edge).p_m, 1.2 * edge
     found: list[Patch] = []
     for radius_m in radii_m:
-        centres = centres[_free(centres, radius_m, found)]
-        found += _of_radius(p_m, centres, radius_m, params)
+        for patch in found:
+            centres = centres[_apart(centres, patch.centre, patch.radius_m + radius_m)]
+        found += _of_radius(clouds, centres, radius_m, params)
     return found
 
 
-def _radii(clouds: list[np.ndarray]) -> np.ndarray:
+def _radii(clouds: list[_Cloud]) -> np.ndarray:
     """Of the patches that are tried, m, from large to small."""
-    ground = np.array([len(np.unique(np.floor(p[:, :2]).astype(int), axis=0)) for p in clouds])
-    density = np.median([len(p) for p in clouds] / ground)  # points a square metre
+    density = np.median([cloud.density for cloud in clouds])
     least = float(np.clip(np.sqrt(POINTS_OF_LEAST / np.pi / density), *LEAST_M))
-    largest = min(np.sqrt(np.median(ground) / ROOM_FOR / np.pi), LARGEST_M)
+    area_m2 = np.median([cloud.area_m2 for cloud in clouds])
+    largest = min(np.sqrt(area_m2 / ROOM_FOR / np.pi), LARGEST_M)
     steps = max(round(np.log(largest / least) / np.log(GROWTH)), 0)
     return least * GROWTH ** np.arange(steps, -1, -1)
 
 
-def _share(p_m: np.ndarray, radius_m: float) -> float:
-    """Of the points, such that a ball has `MOST_OF_VIEW` at most, as a rule."""
-    return MOST_OF_VIEW / max(np.pi * radius_m**2 * _density(p_m), MOST_OF_VIEW)
+def _apart(centres: np.ndarray, centre: np.ndarray, least_m: float) -> np.ndarray:
+    """Which of ``centres`` (C, 3) have room beside ``centre`` (3,)."""
+    return np.square(centres - centre).sum(axis=1) >= least_m**2
 
 
-def _density(p_m: np.ndarray) -> float:
-    """Points a square metre of ground."""
-    return len(p_m) / len(np.unique(np.floor(p_m[:, :2]).astype(int), axis=0))
-
-
-def _free(centres: np.ndarray, radius_m: float, found: list[Patch]) -> np.ndarray:
-    """Which of ``centres`` (C, 3) have room for a ball beside those ``found``, (C,)."""
-    free = np.ones(len(centres), bool)
-    for patch in found:
-        apart = np.linalg.norm(centres - patch.centre, axis=1)
-        free &= apart >= patch.radius_m + radius_m
-    return free
-
-
-def _of_radius(p_m, centres, radius_m: float, params: PatchParameters) -> list[Patch]:
+def _of_radius(
+    clouds: dict[str, _Cloud], centres: np.ndarray, radius_m: float, params: PatchParameters
+) -> list[Patch]:
     """Patches of one radius that leave one another their room."""
     if not len(centres):
         return []
-    seen = {name: _Views.of(cloud, centres, radius_m, params) for name, cloud in p_m.items()}
+    seen = {name: _Views.of(cloud, centres, radius_m, params) for name, cloud in clouds.items()}
     names = list(seen)
     planar = np.array([views.planar for views in seen.values()])
     count = np.array([np.diff(views.start) for views in seen.values()])
@@ -168,11 +179,12 @@ def _of_radius(p_m, centres, radius_m: float, params: PatchParameters) -> list[P
     )
     shown = agree.sum(axis=0)
     rms = np.sum([views.rms for views in seen.values()], axis=0, where=agree) / np.maximum(shown, 1)
-    made: list[Patch] = []
+    made, free = [], np.ones(len(centres), bool)
     for ball in np.lexsort((rms, -shown)):
         if shown[ball] < 2:
             break
-        if _free(centres[ball : ball + 1], radius_m, made).all():
+        if free[ball]:
+            free &= _apart(centres, centres[ball], 2 * radius_m)
             views = {names[s]: seen[names[s]].members(ball) for s in np.flatnonzero(agree[:, ball])}
             made.append(Patch(centres[ball], radius_m, normal[first[ball], ball], views))
     return made

@@ -22,7 +22,6 @@ import paperrepro as pr
 from data_synth import make_config, presets
 from paperrepro import cli
 from paperrepro.flight import calibrate
-from paperrepro.method.coarse_to_fine import PatchSearch
 from paperrepro.paper import reproduce
 from paperrepro.study import simulated
 from tests.paperrepro.study.sweeping import write_notebook
@@ -67,7 +66,6 @@ def prepare(folder: Path) -> None:
     presets.PROFILES["quick"] = THINNING
     survey, truth = simulated.simulate(make_config())
     strips = tuple(survey.strip(name) for name in ("F1", "F2", "F7"))
-    PatchSearch.tolerance_deg = lambda *_: 0.2
     own = pr.calibrate_flight(replace(survey, strips=strips), "SL", "any")
     calibrate.calibrate_flight = lambda *given: own
     few = [strip.take(slice(None, None, 10)) for strip in survey.strips]

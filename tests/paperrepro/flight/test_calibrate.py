@@ -12,7 +12,7 @@ from paperrepro.flight.calibrate import calibrate_flight
 from paperrepro.method.accuracy import overlaps, pair_distances, rmse
 from paperrepro.method.adjustment.calibrate import calibrate
 from paperrepro.method.adjustment.screening import screen
-from paperrepro.method.coarse_to_fine import find_planes, sample_rays, tile_size
+from paperrepro.method.coarse_to_fine import find_planes, sample_rays
 from paperrepro.study.variants import with_wrong_match
 
 
@@ -128,16 +128,6 @@ def test_true_mounting_against_itself_has_equal_distances(few, flown):
     samples, mounting = sample_rays(few).rays, flown.truth.mounting
     for pair in pair_distances(samples, overlaps(samples, mounting), mounting, mounting):
         np.testing.assert_array_equal(pair.before, pair.after)
-
-
-def test_a_small_dense_survey_has_small_tiles(flown):
-    survey = part(flown.survey, "F1")
-    rays = sample_rays(survey).rays["F1"]
-    near = np.abs(rays.time - np.median(rays.time)) < 0.4
-    usual = tile_size({"F1": rays}, survey.mounting)
-    dense = rays.take(near & (np.abs(rays.azimuth) < 0.3))
-    many = type(dense).join([dense] * 20)
-    assert tile_size({"F1": many}, survey.mounting) < 0.7 * usual
 
 
 def test_one_strip_is_refused(flown):
