@@ -265,6 +265,8 @@ def _simulate_options(commands) -> None:
     command.option("--terrain", "how the ground runs", "rolling", choices=TERRAINS)
     words = "an error, or another parameter of the simulation, such as clock_delay_s=0.005"
     command.option("--error", words, action="append", metavar="NAME=VALUE")
+    words = "TOML of the site's size, the flight plan and the scanner; else the farm, Table 1's"
+    command.option("--site", words, type=Path, metavar="FILE")
     latitude, longitude, height = SITE
     command.option("--latitude", "of the farm, south negative", latitude, metavar="DEG")
     command.option("--longitude", "of the farm, west negative", longitude, metavar="DEG")
@@ -278,18 +280,13 @@ def _simulate(options: argparse.Namespace) -> int:
     from data_synth.operator import Site, write_survey
 
     names = "preset", "profile", "seed", "noise_scale", "scene", "terrain"
-    more = data_synth.presets.parse_parameters(options.error or ())
+    more = data_synth.presets.read_site(options.site) if options.site else {}
+    more |= data_synth.presets.parse_parameters(options.error or ())
     config = data_synth.make_config(**{name: getattr(options, name) for name in names} | more)
     site = Site(options.latitude, options.longitude, options.height, options.zone)
     flown = pr.study.simulated.SimulatedSurvey(config, kept=True)
-    with written_whole(options.out) as draft:
+    with written_whole(options.out, options.force) as draft:
         write_survey(draft, flown.survey, flown.truth, site, options.scale)
-        there = sorted(p.name for p in draft.iterdir() if (options.out / p.name).exists())
-        if there and not options.force:
-            raise BadInput(
-                f"{options.out}: holds {', '.join(there)} already; name another folder, or give "
-                "--force to replace them"
-            )
     strips = flown.survey.strips
     words = f"{len(strips)} strips, {sum(map(len, strips))} points, EPSG:{site.epsg}"
     _say(options)(f"{options.out}: {words}")
