@@ -226,7 +226,7 @@ def page(
         files=files, notes=[*notes, *own.remarks], angles=_angles(own),
         offsets=_offsets(own), pairs=_pair_table(own), planes=_planes(own), rejected=_rejected(own),
         noise=_noise(own), weak=_reliability(own), cm=CM, ratio=median_ratio(own.distances),
-        passes=np.degrees(own.boresights),
+        passes=np.degrees(own.boresights), heights=_heights(own), heights_at=_heights_of(own),
     )  # fmt: skip
 
 
@@ -280,6 +280,40 @@ def _pair_table(own: OwnFlight) -> Table:
     heads = [f"{what} {name} (cm)" for what in ("RMS", "median |d|") for name in names]
     heads = ["strips", "overlap (%)", "points", *heads]
     return Table(heads, lines, ["word", *["number"] * (len(heads) - 1)])
+
+
+#: How the report calls the clouds whose heights are compared.
+CLOUDS = {"before": "before", "mounting": "mounting", "trajectory": "mounting and trajectory"}
+
+
+def _heights(own: OwnFlight) -> Table | None:
+    """Vertical accuracy at the checkpoints, cloud by cloud."""
+    if own.checkpoints is None:
+        return None
+    found = {cloud: own.checkpoints.accuracy(cloud) for cloud in own.checkpoints.offsets}
+    lines = [
+        (CLOUDS[cloud], number(one.n), number(CM * one.mean, 1, signed=True),
+         number(CM * one.rmse, 1), number(CM * one.at_95, 1))
+        for cloud, one in found.items() if one
+    ]  # fmt: skip
+    heads = ["cloud", "points", "mean (cm)", "RMSE (cm)", "95 % (cm)"]
+    return Table(heads, lines, ["word", *["number"] * 4])
+
+
+def _heights_of(own: OwnFlight) -> Table | None:
+    """Cloud minus checkpoint, point by point."""
+    checked = own.checkpoints
+    if checked is None:
+        return None
+    why = dict.fromkeys(checked.off, "off the strips") | dict.fromkeys(checked.uneven, "uneven")
+    lines = [
+        (name, number(CM * checked.points.sigma[k], 1),
+         *("" if np.isnan(of[k]) else number(CM * of[k], 1, signed=True)
+           for of in checked.offsets.values()), why.get(name, ""))
+        for k, name in enumerate(checked.points.names)
+    ]  # fmt: skip
+    heads = ["point", "σ (cm)", *(f"{CLOUDS[cloud]} (cm)" for cloud in checked.offsets), "not used"]
+    return Table(heads, lines, ["word", *["number"] * (len(heads) - 2), "word"])
 
 
 def _planes(own: OwnFlight) -> Table:
