@@ -200,7 +200,8 @@ def fitted(p_m: np.ndarray, at: np.ndarray) -> Surface | None:
             return None
         plane, *_ = np.linalg.lstsq(design[kept], step[kept, 2], rcond=None)
         off = step[:, 2] - design @ plane
-        kept = np.abs(off) <= OUTLYING * max(nmad(off[kept]), LEAST_NMAD)
+        limit = OUTLYING * max(nmad(off[kept]), LEAST_NMAD)
+        kept = np.abs(off - np.median(off[kept])) <= limit
     return Surface(float(at[2] + plane[0]), rmse(off[kept]), kept)
 
 

@@ -402,9 +402,10 @@ def _control(model: TrajectoryModel, planes: np.ndarray) -> tuple[np.ndarray, ..
     *point, sigma = model.tie_planes.control[at].T
     step = np.transpose(point) - model.origin[at]
     n, bases = planes[at, :3], model.bases(planes)[at]
-    miss = np.einsum("ca,ca->c", n, step) - planes[at, 3]
-    A = np.einsum("ca,cab->cb", step, bases[:, :3]) - bases[:, 3]
-    return at, miss / n[:, 2], A / n[:, 2:], sigma**-2.0
+    up = n[:, 2]
+    miss = (np.einsum("ca,ca->c", n, step) - planes[at, 3]) / up
+    A = np.einsum("ca,cab->cb", step, bases[:, :3]) - bases[:, 3] - miss[:, None] * bases[:, 2]
+    return at, miss, A / up[:, None], sigma**-2.0
 
 
 def _add_control(model: TrajectoryModel, state: "State", S: np.ndarray, t: np.ndarray) -> None:
