@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.image import AxesImage
 
 from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS, STYLE, canvas, thinned
 from paperrepro.figures.calibration import correlation_matrix
@@ -93,6 +94,25 @@ def distance_histogram(ax: Axes, distances: np.ndarray, colour: str, words: str)
     ax.set_xlabel("distance between strips (cm)")
     ax.set_ylabel("points")
     return ax
+
+
+def difference_image(
+    ax: Axes, p_m: np.ndarray, distances: np.ndarray, limit_m: float, cell_m: float = 1.0
+) -> AxesImage:
+    """Seen from above: mean of ``distances`` (N,) m of one strip's points (N, 3) m from another,
+    in cells of ``cell_m``; colours end at ``limit_m``, and cells without points stay white.
+    """
+    low, high = p_m[:, :2].min(axis=0), p_m[:, :2].max(axis=0) + cell_m
+    edges = [np.arange(a, b + cell_m, cell_m) for a, b in zip(low, high, strict=True)]
+    count, *_ = np.histogram2d(*p_m[:, :2].T, edges)
+    total, *_ = np.histogram2d(*p_m[:, :2].T, edges, weights=CM * distances)
+    mean = np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
+    extent = (edges[0][0], edges[0][-1], edges[1][0], edges[1][-1])
+    image = ax.imshow(mean.T, cmap="RdBu_r", vmin=-CM * limit_m, vmax=CM * limit_m, origin="lower",
+                      extent=extent, interpolation="nearest")  # fmt: skip
+    ax.set_xlabel("east (m)")
+    ax.set_ylabel("north (m)")
+    return image
 
 
 def plane_directions(ax: Axes, normals: np.ndarray) -> Axes:

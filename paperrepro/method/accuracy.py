@@ -297,7 +297,7 @@ def pair_distances(
     trees = {name: cKDTree(p) for name, p in p_m.items()}
     measured = []
     for (first, second), share in pairs.items():
-        both = correspondences(first, second, p_m, trees[second])
+        both = correspondences(first, second, p_m, tree=trees[second])
         if len(both.index) >= LEAST_POINTS:
             distances = [both.distances(samples, mounting) for mounting in (before, after)]
             if adjusted is not None:
@@ -307,10 +307,12 @@ def pair_distances(
 
 
 def correspondences(
-    first: str, second: str, p_m: Mapping[str, np.ndarray], tree: cKDTree, most: int = POINTS
-) -> Correspondences:
+    first: str, second: str, p_m: Mapping[str, np.ndarray], most: int = POINTS,
+    tree: cKDTree | None = None,
+) -> Correspondences:  # fmt: skip
     """At most ``most`` points of strip ``first`` that lie on ``second``, evenly drawn, with their
-    neighbours there; ``p_m`` (N, 3) m of each strip, ``tree`` of the second's."""
+    neighbours there; ``p_m`` (N, 3) m of each strip, ``tree`` of the second's, if there is one."""
+    tree = cKDTree(p_m[second]) if tree is None else tree
     near = np.flatnonzero(inside(p_m[first], *extent(p_m[second])))
     index = near[np.linspace(0, len(near) - 1, min(most, len(near))).astype(int)]
     distance, neighbours = tree.query(p_m[first][index], k=NEIGHBOURS, workers=-1)

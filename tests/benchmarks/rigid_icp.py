@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from paperrepro.flight.calibrate import calibrate_flight
 from paperrepro.method.accuracy import correspondences, over_planes, rmse
@@ -58,7 +57,7 @@ def left(clouds: dict[str, dict], first: str, second: str) -> dict[str, float]:
     """RMS distance, m, between two strips in each of ``clouds``, of the same points; they belong
     together as they do in the first."""
     near = next(iter(clouds.values()))
-    both = correspondences(first, second, near, cKDTree(near[second]))
+    both = correspondences(first, second, near)
     return {
         name: rmse(over_planes(p[first][both.index], p[second][both.neighbours]))
         for name, p in clouds.items()
