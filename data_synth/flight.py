@@ -5,13 +5,15 @@ radians. The plan is exact over flat ground: swath 2 h tan 60 deg from 30 m. The
 planned course plus gusts and vibration, a smooth function of time.
 """
 
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import BPoly, PPoly
 
 from data_synth.motion import Motion, draw_disturbance
-from data_synth.sensors import HALF_SWATH
+from data_synth.sensors import HALF_SWATH, MAX_RANGE
 from paperrepro.errors import BadInput
 
 HEIGHT, SPEED, LINE_LENGTH = 30.0, 4.5, 140.0
@@ -29,17 +31,21 @@ NORTH, EAST, SOUTH, WEST = (np.radians(h) for h in (0.0, 90.0, 180.0, 270.0))
 @dataclass(frozen=True)
 class PlannedLine:
     """``name``; ``offset`` across, in swaths, east or north of the site's middle; ``heading`` rad,
-    one of `NORTH`, `EAST`, `SOUTH`, `WEST`."""
+    one of `NORTH`, `EAST`, `SOUTH`, `WEST`; ``length`` m, ``height`` m and ``speed`` m/s where they
+    are not the plan's."""
 
     name: str
     offset: float
     heading: float
+    length: float | None = None
+    height: float | None = None
+    speed: float | None = None
 
 
 @dataclass(frozen=True)
 class FlightPlan:
     """``lines`` one after the other, each of ``length`` m about the site's middle, ``height`` m
-    above the mean ground, at ``speed`` m/s. Raises `BadInput`."""
+    above the mean ground, at ``speed`` m/s, unless it has its own. Raises `BadInput`."""
 
     lines: tuple[PlannedLine, ...]
     length: float = LINE_LENGTH
@@ -50,22 +56,73 @@ class FlightPlan:
         if not self.lines or len({line.name for line in self.lines}) < len(self.lines):
             raise BadInput("flight plan: expected lines of different names; name each line once")
         for line in self.lines:
+            _require_sane(self.whole(line))
             if min(abs(line.heading - course) for course in (NORTH, EAST, SOUTH, WEST)) > 1e-9:
                 raise BadInput(
                     f"{line.name}: expected a heading north, east, south or west, got "
                     f"{np.degrees(line.heading):g} degrees; turn the site instead"
                 )
-        if not min(self.length, self.height, self.speed) > 0:
-            raise BadInput("flight plan: expected length, height and speed above 0")
 
-    @property
-    def swath(self) -> float:
-        """Width over flat ground, m."""
-        return 2 * self.height * np.tan(HALF_SWATH)
+    def whole(self, line: PlannedLine) -> PlannedLine:
+        """``line`` with what it takes from the plan."""
+        own = {n: getattr(line, n) for n in ("length", "height", "speed")}
+        return replace(line, **{n: getattr(self, n) if x is None else x for n, x in own.items()})
 
     def only(self, *names: str) -> "FlightPlan":
         """The same with the lines of these names, in the order of the plan."""
         return replace(self, lines=tuple(line for line in self.lines if line.name in names))
+
+
+def _require_sane(line: PlannedLine) -> None:
+    """Of a line with all it needs. Its strip is named by it."""
+    if not re.fullmatch(r"\w[\w .-]*", str(line.name)):
+        raise BadInput(f"line {line.name!r}: expected a name of letters and digits; rename it")
+    if not np.isfinite([line.offset, line.heading, line.length, line.height, line.speed]).all():
+        raise BadInput(f"line {line.name}: expected finite numbers; correct it")
+    if not min(line.length, line.height, line.speed) > 0:
+        raise BadInput(f"line {line.name}: expected length, height and speed above 0; correct it")
+    if line.height >= MAX_RANGE:
+        raise BadInput(
+            f"line {line.name}: height: expected below {MAX_RANGE:g} m, the scanner's reach, got "
+            f"{line.height:g}; plan it lower"
+        )
+
+
+def swath_width(height: float) -> float:
+    """Over flat ground, m, from ``height`` m."""
+    return 2 * height * np.tan(HALF_SWATH)
+
+
+#: A plan as a table: what a line may say, with the plan's own values where there are such; ``name``
+#: is F1 and so on without it.
+TABLE = {
+    "offset_m": None, "heading_deg": None, "length_m": LINE_LENGTH, "height_m": HEIGHT,
+    "speed_m_s": SPEED,
+}  # fmt: skip
+
+
+def plan_of(table: Iterable[Mapping]) -> FlightPlan:
+    """The plan of a table, a line a row with keys of `TABLE`: ``offset_m`` east or north of the
+    site's middle, ``heading_deg``, 0, 90, 180 or 270. Raises `BadInput`."""
+    lines = []
+    for count, row in enumerate(table, 1):
+        name = str(row.get("name", f"F{count}")) if isinstance(row, Mapping) else f"number {count}"
+        offset, heading, length, height, speed = read_numbers(row, TABLE, f"line {name}", "name")
+        across = offset / swath_width(height) if height > 0 else offset
+        lines.append(PlannedLine(name, across, np.radians(heading % 360), length, height, speed))
+    return FlightPlan(tuple(lines))
+
+
+def read_numbers(row, known: Mapping[str, float | None], where: str, *more: str) -> list[float]:
+    """Values of a table's keys ``known``, by default theirs; it may have the keys ``more``, too."""
+    if not isinstance(row, Mapping) or set(row) - {*known, *more}:
+        got = ", ".join(map(str, set(row) - {*known, *more})) if isinstance(row, Mapping) else row
+        raise BadInput(f"{where}: expected {', '.join([*more, *known])}, got {got}; name those")
+    values = [row.get(key, default) for key, default in known.items()]
+    for key, value in zip(known, values, strict=True):
+        if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+            raise BadInput(f"{where}: {key}: expected a number, got {value!r}; give one")
+    return [float(value) for value in values]
 
 
 #: Spacing = (1 - overlap) swaths gives Table 1.
@@ -83,17 +140,25 @@ TABLE_1 = FlightPlan(
 )
 
 
-def covering(half_east: float, half_north: float, overlap: float = 0.5) -> FlightPlan:
+def covering(
+    half_east: float, half_north: float, overlap: float = 0.5, height: float = HEIGHT,
+    speed: float = SPEED,
+) -> FlightPlan:  # fmt: skip
     """A plan for a site of these half extents, m: lines to and fro that ``overlap``, 0-1, and two
-    across the middle, all as long as the longer side."""
-    count = int(np.ceil(2 * half_east / (TABLE_1.swath * (1 - overlap)))) + 1
+    across the middle. Raises `BadInput`."""
+    if not (0 <= overlap < 1 and height > 0):
+        raise BadInput(
+            f"covering: expected an overlap of 0 to below 1 and a height above 0, got {overlap:g} "
+            f"and {height:g}; correct them"
+        )
+    count = int(np.ceil(2 * half_east / (swath_width(height) * (1 - overlap)))) + 1
     offsets = (1 - overlap) * (np.arange(count) - 0.5 * (count - 1))
     lines = [
-        PlannedLine(f"F{k + 1}", float(offset), (NORTH, SOUTH)[k % 2])
+        PlannedLine(f"F{k + 1}", float(offset), (NORTH, SOUTH)[k % 2], 2 * half_north)
         for k, offset in enumerate(offsets)
     ]
-    across = [PlannedLine(f"F{count + 1 + k}", 0.0, (EAST, WEST)[k]) for k in (0, 1)]
-    return FlightPlan((*lines, *across), length=2 * max(half_east, half_north))
+    across = [PlannedLine(f"F{count + 1 + k}", 0.0, (EAST, WEST)[k], 2 * half_east) for k in (0, 1)]
+    return FlightPlan((*lines, *across), height=height, speed=speed)
 
 
 @dataclass(frozen=True)
@@ -124,25 +189,29 @@ class FlightLine:
 
 def flight_plan(plan: FlightPlan = TABLE_1) -> tuple[FlightLine, ...]:
     """The lines of a plan with their times."""
-    lines, time, before = [], MISSION_START + RUN_IN, None
-    length, speed = plan.length, plan.speed
-    for planned in plan.lines:
-        offset, heading = planned.offset, planned.heading
+    lines, time, before, speed_before = [], MISSION_START + RUN_IN, None, np.inf
+    for planned in map(plan.whole, plan.lines):
+        offset, heading, height = planned.offset, planned.heading, planned.height
+        length, speed = planned.length, planned.speed
         along = np.round([np.sin(heading), np.cos(heading)])
-        middle = offset * plan.swath * np.round([np.cos(heading) ** 2, np.sin(heading) ** 2])
+        across = np.round([np.cos(heading) ** 2, np.sin(heading) ** 2])
+        middle = offset * swath_width(height) * across
         start, end = middle - 0.5 * length * along, middle + 0.5 * length * along
         if before is not None:
-            turn = _turn_time(before, start - RUN_IN * speed * along, speed)
+            entry = start - RUN_IN * speed * along
+            turn = _turn_time(before, entry, height, min(speed, speed_before))
             time = before.end_time + 2 * RUN_IN + turn
+        speed_before = speed
         before = FlightLine(
-            planned.name, start, end, float(heading), time, time + length / speed, plan.height
+            planned.name, start, end, float(heading), time, time + length / speed, height
         )
         lines.append(before)
     return tuple(lines)
 
 
-def _turn_time(before: FlightLine, entry: np.ndarray, speed: float) -> float:
+def _turn_time(before: FlightLine, entry: np.ndarray, height: float, speed: float) -> float:
     gap = np.linalg.norm(entry - (before.end + RUN_IN * before.velocity))
+    gap = np.hypot(gap, height - before.height)
     return max(TURN_TIME, float(TURN_SLOWNESS * gap / speed))
 
 

@@ -1,12 +1,17 @@
 """What can be chosen: the configuration of a simulated survey, by preset and profile."""
 
+import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from numbers import Integral
+from pathlib import Path
 
 import numpy as np
 
+from data_synth.farm import Layout
+from data_synth.flight import TABLE_1, FlightPlan, covering, plan_of, read_numbers
 from data_synth.navigation import NAVIGATION
+from data_synth.sensors import SCANNERS
 from data_synth.surfaces import ROOF_SURFACES
 from paperrepro.errors import BadInput
 
@@ -25,6 +30,8 @@ TERRAINS = ("rolling", "natural")
 
 #: Rows and columns of the farm's building sites.
 SITES = (3, 5)
+#: No larger village fits into memory.
+MOST_SITES = 10_000
 
 #: Amounts and factors, which have no sign.
 NOT_NEGATIVE = (
@@ -70,9 +77,12 @@ class SimulationConfig:
     ground_roughness_m : root mean square of the ground's heights over its facets.
     ground_relief : factor on the heights of the rolling ground; 0 is level.
     site_rows, site_columns : of the farm's building sites, four of five of which hold a gable
-        house; the flight plan is another argument of `simulate`, the reference covers 280 x 170 m.
+        house; the reference covers 280 x 170 m, or all sites where these need more.
     gust_scale, vibration_scale : factors on the true motion's gusts, and on the vibration that the
         trajectory reports.
+    scanner : of `data_synth.sensors.SCANNERS`.
+    plan : flight plan, or a table of its lines, `data_synth.flight.plan_of`; Table 1's unless
+        given.
 
     Raises
     ------
@@ -105,6 +115,8 @@ class SimulationConfig:
     terrain: str = "rolling"
     site_rows: int = SITES[0]
     site_columns: int = SITES[1]
+    scanner: str = "VLP-16 Hi-Res"
+    plan: FlightPlan = TABLE_1
 
     def __post_init__(self):
         _require_choice("preset", self.preset, PRESETS)
@@ -113,6 +125,9 @@ class SimulationConfig:
         _require_choice("terrain", self.terrain, TERRAINS)
         _require_choice("navigation", self.navigation, NAVIGATION)
         _require_choice("roof_surface", self.roof_surface, ROOF_SURFACES)
+        _require_choice("scanner", self.scanner, SCANNERS)
+        if not isinstance(self.plan, FlightPlan):
+            object.__setattr__(self, "plan", plan_of(self.plan))
         for name in ("seed", "site_rows", "site_columns"):
             _require_whole(name, getattr(self, name))
         for name in NOT_NEGATIVE:
@@ -121,6 +136,11 @@ class SimulationConfig:
             raise BadInput(
                 f"site_rows, site_columns: expected at least 1, got {self.site_rows}, "
                 f"{self.site_columns}; give one or more, or the scene fields"
+            )
+        if self.site_rows * self.site_columns > MOST_SITES:
+            raise BadInput(
+                f"site_rows, site_columns: expected at most {MOST_SITES} sites, got "
+                f"{self.site_rows} x {self.site_columns}; give fewer"
             )
         if self.scene != "farm" and (self.site_rows, self.site_columns) != SITES:
             raise BadInput("site_rows, site_columns: only the scene farm has them; leave them out")
@@ -166,6 +186,82 @@ def parse_parameters(texts: Iterable[str]) -> dict:
                 f"{name}: expected a value such as {known[name]!r}, got {value!r}; give one"
             ) from None
     return values
+
+
+#: What a file of a site may hold, beside lines: tables and their keys, by default these values.
+SITE_TABLES = {
+    "site": {"rows": SITES[0], "columns": SITES[1]},
+    "covering": {"overlap": 0.5, "height_m": TABLE_1.height, "speed_m_s": TABLE_1.speed},
+    "scanner": {},
+}
+
+
+def read_site(path: str | Path) -> dict:
+    """Fields of `SimulationConfig` from a TOML file: site, flight plan, scanner; each may be
+    missing. Raises `BadInput` that names file, key and remedy.
+
+    ::
+
+        [site]                # building sites of the farm
+        rows = 25
+        columns = 25
+
+        [scanner]
+        name = "VLP-16"       # of data_synth.sensors.SCANNERS
+
+        [covering]            # lines to and fro over the whole site, and two across
+        overlap = 0.5
+        height_m = 30.0
+        speed_m_s = 5.0
+
+        [[line]]              # or each line by itself, `data_synth.flight.plan_of`
+        offset_m = -20.0
+        heading_deg = 90
+        length_m = 200.0
+        height_m = 40.0
+        speed_m_s = 6.0
+    """
+    path = Path(path)
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        return _site_of(content)
+    except FileNotFoundError:
+        raise BadInput(f"{path}: no such file; give a site and its flight plan (TOML)") from None
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from None
+    except (ValueError, RecursionError) as error:
+        why = str(error).splitlines()[0]
+        raise BadInput(f"{path}: expected TOML text, {why}; correct the file") from error
+
+
+def _site_of(content: dict) -> dict:
+    if unknown := set(content) - {*SITE_TABLES, "line"}:
+        raise BadInput(
+            f"{', '.join(sorted(unknown))}: not known; name {', '.join(SITE_TABLES)} or [[line]], "
+            "or leave it out"
+        )
+    if "covering" in content and "line" in content:
+        raise BadInput("covering and line: expected one of both; leave the other out")
+    rows, columns = read_numbers(content.get("site", {}), SITE_TABLES["site"], "[site]")
+    scanner = content.get("scanner", {})
+    read_numbers(scanner, SITE_TABLES["scanner"], "[scanner]", "name")
+    found = {"site_rows": _whole(rows), "site_columns": _whole(columns)}
+    found |= {"scanner": str(scanner["name"])} if "name" in scanner else {}
+    SimulationConfig(**found)  # refuses what cannot be
+    if "covering" in content:
+        extent = Layout(found["site_rows"], found["site_columns"]).extent
+        how = read_numbers(content["covering"], SITE_TABLES["covering"], "[covering]")
+        found["plan"] = covering(*extent, *how)
+    elif "line" in content:
+        lines = content["line"]
+        if not isinstance(lines, list):
+            raise BadInput("line: expected a table [[line]] for each; write double brackets")
+        found["plan"] = plan_of(lines)
+    return found
+
+
+def _whole(number: float) -> int | float:
+    return int(number) if number.is_integer() else number
 
 
 def _require_choice(what: str, value, choices) -> None:

@@ -1,6 +1,7 @@
 """One flight line through the scanner: pulses, rays, noise, a strip."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -11,11 +12,13 @@ from data_synth.scene import ObjectClass, Scene
 from data_synth.sensors import (
     MAX_RANGE,
     MIN_RANGE,
+    Model,
     Pulses,
     ScannerErrors,
     fire,
     range_noise_factor,
 )
+from paperrepro.errors import BadInput
 from paperrepro.survey import Mounting, Scanner, Strip
 
 #: Share of the returns that come from dust in the air before the target.
@@ -49,24 +52,30 @@ def draw_pulse_noise(count: int, scanner: Scanner, rng: np.random.Generator) -> 
 
 @dataclass(frozen=True)
 class Recorder:
-    """Scanner in its true ``mounting`` on its true ``motion`` over a ``scene``, with its
-    ``errors``; ``reflectivity`` (T,) of the scene's triangles where the range noise needs it."""
+    """Scanner, a ``model``, in its true ``mounting`` on its true ``motion`` over a ``scene``, with
+    its ``errors``; ``reflectivity`` (T,) of the scene's triangles where range noise needs it."""
 
     caster: Raycaster
     scene: Scene
     motion: Motion
-    scanner: Scanner
+    model: Model
     mounting: Mounting
     noisy: bool
     errors: ScannerErrors = field(default_factory=ScannerErrors)
     reflectivity: np.ndarray | None = None
 
+    @cached_property
+    def scanner(self) -> Scanner:
+        """By its data sheet."""
+        return self.model.specification
+
     def record(
         self, line: FlightLine, thinning: int, rng: np.random.Generator
     ) -> tuple[Strip, np.ndarray, np.ndarray]:
         """The `Strip` of a line, the gable face each point lies on (N,) int32, -1 for none, and its
-        `ObjectClass` (N,) uint8. Pulses without an answer within 100 m leave no point."""
-        pulses = fire(line.start_time, line.end_time - line.start_time, thinning)
+        `ObjectClass` (N,) uint8. Pulses without an answer within 100 m leave no point. Raises
+        `BadInput` where no pulse has one."""
+        pulses = fire(line.start_time, line.end_time - line.start_time, thinning, self.model)
         count = len(pulses)
         silent = PulseNoise(np.zeros(count), np.zeros(count), np.zeros(count), np.ones(count))
         noise = draw_pulse_noise(count, self.scanner, rng) if self.noisy else silent
@@ -74,6 +83,11 @@ class Recorder:
         distance *= noise.dust
         with np.errstate(invalid="ignore"):
             kept = (distance >= MIN_RANGE) & (distance <= MAX_RANGE)
+        if not kept.any():
+            raise BadInput(
+                f"line {line.name}: no pulse meets anything within {MAX_RANGE:g} m; plan it over "
+                "the site and lower"
+            )
         face, kind = self._identify(triangle, noise.dust < 1)
         distance *= 1.0 + self.errors.range_scale
         offset = self.mounting.offsets(self.scanner.n_rings)[pulses.ring]

@@ -1,8 +1,9 @@
-"""The scanner: a Velodyne VLP-16 Puck Hi-Res by its data sheet, spinning about body forward.
+"""Scanners by their data sheets, a Velodyne VLP-16 Puck Hi-Res first, spinning about body forward.
 
 l-frame: z along the spin axis, azimuth zero at nadir in the nominal mounting. Radians, seconds.
-Source: Velodyne, VLP-16 User Manual 63-9243: 16 lasers fire 2.304 us apart, a sequence lasts
+Sources: Velodyne, VLP-16 User Manual 63-9243: 16 lasers fire 2.304 us apart, a sequence lasts
 55.296 us, the lasers of the lower and upper half take turns; the Hi-Res has beams every 1.333 deg.
+HDL-32E User Manual 63-9113: 32 lasers likewise, 1.152 us apart, 46.080 us a sequence.
 """
 
 from dataclasses import dataclass, field
@@ -11,11 +12,9 @@ import numpy as np
 
 from paperrepro.survey import Scanner
 
+#: Of the VLP-16: rings; from laser to laser and from sequence to sequence, s.
 N_RINGS = 16
-#: From laser to laser and from sequence to sequence, s.
 LASER_PERIOD, SEQUENCE_PERIOD = 2.304e-6, 55.296e-6
-#: Rings (by ascending elevation) in the order of fire: lowest, ninth, second, tenth, ...
-FIRING_ORDER = np.arange(N_RINGS).reshape(2, -1).T.ravel()
 ROTATION_RATE = 10.0  # 1/s
 MAX_RANGE, MIN_RANGE = 100.0, 0.5  # m
 RANGE_SIGMA = 0.02  # m, one sigma; the data sheet promises 3 cm
@@ -27,18 +26,48 @@ REFERENCE_DISTANCE, REFERENCE_REFLECTIVITY, LEAST_COSINE = 30.0, 0.4, 0.05
 HALF_SWATH = np.radians(60.0)
 
 
-def vlp16_hires() -> Scanner:
-    """The specification that the operator has."""
-    elevations = np.radians(np.linspace(-10.0, 10.0, N_RINGS))
-    return Scanner("VLP-16 Puck Hi-Res", elevations, RANGE_SIGMA, ANGLE_SIGMA, RANGE_OFFSET_SIGMA)
+@dataclass(frozen=True)
+class Model:
+    """A scanner as it is sold: its ``name``, ``elevations_deg`` (rings,) of the beams, ascending,
+    and the time from laser to laser and from sequence to sequence, s."""
+
+    name: str
+    elevations_deg: np.ndarray
+    laser_period: float = LASER_PERIOD
+    sequence_period: float = SEQUENCE_PERIOD
+
+    @property
+    def n_rings(self) -> int:
+        """Number of beams."""
+        return len(self.elevations_deg)
+
+    @property
+    def firing_order(self) -> np.ndarray:
+        """Rings in the order of fire: lowest, ninth (of 16), second, tenth, ..."""
+        return np.arange(self.n_rings).reshape(2, -1).T.ravel()
+
+    @property
+    def specification(self) -> Scanner:
+        """What the operator has."""
+        elevations = np.radians(self.elevations_deg)
+        return Scanner(self.name, elevations, RANGE_SIGMA, ANGLE_SIGMA, RANGE_OFFSET_SIGMA)
+
+
+VLP16_HIRES = Model("VLP-16 Puck Hi-Res", np.linspace(-10.0, 10.0, N_RINGS))
+#: What can be chosen.
+SCANNERS = {
+    "VLP-16 Hi-Res": VLP16_HIRES,
+    "VLP-16": Model("VLP-16", np.linspace(-15.0, 15.0, N_RINGS)),
+    "HDL-32E": Model("HDL-32E", -92.0 / 3.0 + 4.0 / 3.0 * np.arange(32), 1.152e-6, 46.08e-6),
+}
 
 
 @dataclass(frozen=True)
 class ScannerErrors:
     """What a scanner does beside its specification.
 
-    ``elevation_offsets`` and ``azimuth_offsets`` (16,) rad, to be added to the beams' elevations in
-    the table and to the azimuths recorded; ``range_scale``, by which measured ranges are too long;
+    ``elevation_offsets`` and ``azimuth_offsets`` (rings,) rad, to be added to the beams' elevations
+    in the table and to the azimuths recorded; ``range_scale``, by which ranges are too long;
     ``noise_growth``, the power of `range_noise_factor`; ``clock_delay`` s, by which the laser's
     time stamps are later than the trajectory's clock.
     """
@@ -75,14 +104,14 @@ class Pulses:
         return len(self.time)
 
 
-def fire(start: float, duration: float, thinning: int = 1) -> Pulses:
+def fire(start: float, duration: float, thinning: int = 1, model: Model = VLP16_HIRES) -> Pulses:
     """All pulses within the swath from ``start`` on, of one in ``thinning`` firing sequences."""
-    sequence = start + SEQUENCE_PERIOD * _sequences(duration, thinning)
+    sequence = start + model.sequence_period * _sequences(duration, thinning, model)
     near = np.abs(azimuth_at(sequence)) < HALF_SWATH + 0.05
-    time = sequence[near, None] + LASER_PERIOD * np.arange(N_RINGS)
+    time = sequence[near, None] + model.laser_period * np.arange(model.n_rings)
     azimuth = azimuth_at(time)
     kept = np.abs(azimuth) <= HALF_SWATH
-    ring = np.broadcast_to(FIRING_ORDER.astype(np.uint8), time.shape)
+    ring = np.broadcast_to(model.firing_order.astype(np.uint8), time.shape)
     return Pulses(time[kept], ring[kept], azimuth[kept])
 
 
@@ -92,11 +121,11 @@ def azimuth_at(time: np.ndarray) -> np.ndarray:
     return 2 * np.pi * (turns - np.floor(turns + 0.5))
 
 
-def _sequences(duration: float, thinning: int) -> np.ndarray:
+def _sequences(duration: float, thinning: int, model: Model) -> np.ndarray:
     """Numbers of the sequences kept: every ``thinning``-th, moved on by seven from turn to turn, so
     that a thin strip fills the ground as evenly as a full one."""
-    count = int(duration / SEQUENCE_PERIOD)
+    count = int(duration / model.sequence_period)
     group = np.arange(0, count, thinning)
-    turn = np.floor(group * SEQUENCE_PERIOD * ROTATION_RATE).astype(int)
+    turn = np.floor(group * model.sequence_period * ROTATION_RATE).astype(int)
     number = group + (7 * turn) % thinning
     return number[number < count]

@@ -10,7 +10,7 @@ import numpy as np
 
 from data_synth import reference
 from data_synth.farm import Layout, build_farm
-from data_synth.flight import TABLE_1, FlightLine, FlightPlan, flight_plan, fly
+from data_synth.flight import FlightLine, flight_plan, fly
 from data_synth.forest import build_forest
 from data_synth.motion import Motion, draw_unseen_vibration
 from data_synth.navigation import apx15, disturb
@@ -20,7 +20,7 @@ from data_synth.raycast import Raycaster
 from data_synth.recording import Recorder
 from data_synth.relief import Relief
 from data_synth.scene import RoofFace, Scene
-from data_synth.sensors import N_RINGS, ScannerErrors, vlp16_hires
+from data_synth.sensors import SCANNERS, ScannerErrors
 from data_synth.surfaces import draw_reflectivity, draw_relief
 from paperrepro.survey import Mounting, Survey, Trajectory
 
@@ -44,7 +44,7 @@ STREAMS = (
 class Truth:
     """What a real survey never tells.
 
-    ``boresight`` (3,) rad; ``range_offsets`` (16,) m, to be added to the measured ranges;
+    ``boresight`` (3,) rad; ``range_offsets`` (rings,) m, to be added to the measured ranges;
     ``lever_arm`` (3,) m b-frame; ``trajectory`` of the scanner's body without error, with any
     vibration that the GNSS/INS does not see, and ``motion``, the function of time it samples;
     ``faces`` of the gable roofs; per strip ``labels`` (N,) int32, the face hit or -1, and
@@ -76,19 +76,16 @@ class Truth:
         )
 
 
-def simulate(
-    config: SimulationConfig | None = None, plan: FlightPlan = TABLE_1
-) -> tuple[Survey, Truth]:
+def simulate(config: SimulationConfig | None = None) -> tuple[Survey, Truth]:
     """Fly over the scene: what the operator gets, and the truth. A seed gives the same bits."""
     config = SimulationConfig() if config is None else config
     seeds = dict(zip(STREAMS, np.random.SeedSequence(config.seed).spawn(len(STREAMS)), strict=True))
     rng = {name: np.random.default_rng(seed) for name, seed in seeds.items() if name != "sensor"}
     natural = rng["terrain"] if config.terrain == "natural" else None
-    sites = {"layout": Layout(config.site_rows, config.site_columns)}
-    scene = BUILDERS[config.scene](
-        rng["scene"], config.ground_relief, natural, **(sites if config.scene == "farm" else {})
-    )
-    lines = flight_plan(plan)
+    layout = Layout(config.site_rows, config.site_columns)
+    sites = {"layout": layout} if config.scene == "farm" else {}
+    scene = BUILDERS[config.scene](rng["scene"], config.ground_relief, natural, **sites)
+    lines, model = flight_plan(config.plan), SCANNERS[config.scanner]
     relief = draw_relief(
         scene, config.roof_surface, config.roof_surface_scale, config.ground_roughness_m,
         rng["surfaces"],
@@ -98,12 +95,12 @@ def simulate(
     unseen = draw_unseen_vibration(config.unseen_vibration_deg, rng["unseen vibration"])
     motion = reported.vibrating(unseen) if config.unseen_vibration_deg else reported
     known = Mounting(lever_arm=LEVER_ARM)
-    offsets = config.range_offset_sigma_m * rng["offsets"].normal(size=N_RINGS)
+    offsets = config.range_offset_sigma_m * rng["offsets"].normal(size=model.n_rings)
     true = known.with_calibration(config.boresight, offsets)
     errors = draw_scanner_errors(config, rng)
     reflectivity = draw_reflectivity(scene, rng["reflectivity"])
     recorder = Recorder(
-        caster, scene, motion, vlp16_hires(), true, config.sensor_noise, errors, reflectivity
+        caster, scene, motion, model, true, config.sensor_noise, errors, reflectivity
     )
     strips, labels, classes = _record_all(recorder, lines, config.thinning, seeds["sensor"])
     trajectory = motion.record()
@@ -112,7 +109,7 @@ def simulate(
     told = replace(
         known, lever_arm=LEVER_ARM + config.lever_arm_sigma_m * rng["lever arm"].normal(size=3)
     )
-    cloud = reference.scan(caster, config.reference_noise, rng["reference"])
+    cloud = reference.scan(caster, config.reference_noise, rng["reference"], layout.reach)
     navigation = apx15(config.noise_scale)
     survey = Survey(strips, measured, told, recorder.scanner, navigation, cloud)
     truth = Truth(
@@ -134,8 +131,9 @@ def simulate(
 
 def draw_scanner_errors(config: SimulationConfig, rng: dict) -> ScannerErrors:
     """As ``config`` sizes them, from the streams of ``rng``."""
+    n_rings = SCANNERS[config.scanner].n_rings
     elevation, azimuth = (
-        np.radians(sigma_deg) * rng[f"beam {name}"].normal(size=N_RINGS)
+        np.radians(sigma_deg) * rng[f"beam {name}"].normal(size=n_rings)
         for name, sigma_deg in (
             ("elevations", config.beam_elevation_sigma_deg),
             ("azimuths", config.beam_azimuth_sigma_deg),

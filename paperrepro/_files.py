@@ -37,12 +37,13 @@ def write_text(path: Path, text: str) -> None:
 
 
 @contextmanager
-def written_whole(folder: Path) -> Iterator[Path]:
+def written_whole(folder: Path, replace: bool = True) -> Iterator[Path]:
     """A folder to write into; its files, in folders too, replace those of ``folder`` once the block
     ends without an error: all of them, or none.
 
     ``folder`` is made; after an error nothing of the block is left, nor the folder if it is new.
-    Raises `BadInput` where it cannot be written, or another process is writing there.
+    Raises `BadInput` where it cannot be written, another process is writing there, or a file would
+    be replaced against ``replace``.
     """
     folder = Path(folder)
     made = next((p for p in [*reversed(folder.parents), folder] if not p.exists()), None)
@@ -51,6 +52,12 @@ def written_whole(folder: Path) -> Iterator[Path]:
         try:
             (draft / _NEW).mkdir()
             yield draft / _NEW
+            there = sorted(p.name for p in (draft / _NEW).iterdir() if (folder / p.name).exists())
+            if there and not replace:
+                raise BadInput(
+                    f"{folder}: holds {', '.join(there)} already; name another folder, or give "
+                    "--force to replace them"
+                )
             _replace_all(draft, folder)
         except BaseException:
             if not (draft / _OLD).exists():  # else the next start finishes it

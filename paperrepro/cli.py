@@ -162,6 +162,8 @@ def _strips(command: _Parser) -> None:
     command.option("--ring-dimension", "where a point's ring stands", "user_data", metavar="NAME")
     command.option("--out", "written whole", type=Path, required=True, metavar="DIR")
     command.flag("--mounting-only", "strips are written with the trajectory as reported")
+    words = "CSV of surveyed points (name, x, y, z, sigma) that judge heights"
+    command.option("--checkpoints", words, type=Path, metavar="FILE")
 
 
 def _workers(command: _Parser) -> None:
@@ -265,6 +267,8 @@ def _simulate_options(commands) -> None:
     command.option("--terrain", "how the ground runs", "rolling", choices=TERRAINS)
     words = "an error, or another parameter of the simulation, such as clock_delay_s=0.005"
     command.option("--error", words, action="append", metavar="NAME=VALUE")
+    words = "TOML of the site's size, the flight plan and the scanner; else the farm, Table 1's"
+    command.option("--site", words, type=Path, metavar="FILE")
     latitude, longitude, height = SITE
     command.option("--latitude", "of the farm, south negative", latitude, metavar="DEG")
     command.option("--longitude", "of the farm, west negative", longitude, metavar="DEG")
@@ -278,18 +282,13 @@ def _simulate(options: argparse.Namespace) -> int:
     from data_synth.operator import Site, write_survey
 
     names = "preset", "profile", "seed", "noise_scale", "scene", "terrain"
-    more = data_synth.presets.parse_parameters(options.error or ())
+    more = data_synth.presets.read_site(options.site) if options.site else {}
+    more |= data_synth.presets.parse_parameters(options.error or ())
     config = data_synth.make_config(**{name: getattr(options, name) for name in names} | more)
     site = Site(options.latitude, options.longitude, options.height, options.zone)
     flown = pr.study.simulated.SimulatedSurvey(config, kept=True)
-    with written_whole(options.out) as draft:
+    with written_whole(options.out, options.force) as draft:
         write_survey(draft, flown.survey, flown.truth, site, options.scale)
-        there = sorted(p.name for p in draft.iterdir() if (options.out / p.name).exists())
-        if there and not options.force:
-            raise BadInput(
-                f"{options.out}: holds {', '.join(there)} already; name another folder, or give "
-                "--force to replace them"
-            )
     strips = flown.survey.strips
     words = f"{len(strips)} strips, {sum(map(len, strips))} points, EPSG:{site.epsg}"
     _say(options)(f"{options.out}: {words}")
@@ -309,6 +308,7 @@ def _calibrate_options(commands) -> None:
     command.flag("--write-strips", "write the strips, too: new mounting, adjusted trajectory (D)")
     command.flag("--write-trajectory", "write the adjusted trajectory, too (D): SBET, SMRMSG")
     command.flag("--lever-arm", "estimate the lever arm, too (D); the given one is its prior")
+    command.option("--control", "such points that enter D", type=Path, metavar="FILE")
     command.option("--accuracy", "SMRMSG of the trajectory", type=Path, metavar="FILE")
     command.option("--set", "parameters of Table 2, or a TOML file", "", metavar="NAME=VALUE,…")
 
@@ -329,8 +329,10 @@ def _calibrate(options: argparse.Namespace) -> int:
         )  # fmt: skip
         if options.write_strips:
             pr.flight.write.require_writable(flight, options.out)
+        ground = [pr.flight.read.read_control(path, flight)
+                  for path in (options.checkpoints, options.control)]  # fmt: skip
         own = pr.calibrate_flight(
-            flight, options.scenario, options.planes, steps, parameters, options.lever_arm
+            flight, options.scenario, options.planes, steps, parameters, options.lever_arm, *ground
         )
         steps("report")
         errors, files = own.result.trajectory, None
@@ -351,13 +353,10 @@ def _calibrate(options: argparse.Namespace) -> int:
 
 def _files(options: argparse.Namespace) -> dict[str, str]:
     """Names of what was given, for the report."""
-    given = {
-        "Strips": ", ".join(path.name for path in options.strips),
-        "Trajectory": options.trajectory and options.trajectory.name,
-        "Accuracy": options.accuracy and options.accuracy.name,
-        "Mounting": options.mounting.name,
-    }
-    return {what: name for what, name in given.items() if name}
+    names = "trajectory", "accuracy", "mounting", "checkpoints", "control"
+    given = {name.capitalize(): getattr(options, name) for name in names}
+    strips = {"Strips": ", ".join(path.name for path in options.strips)}
+    return strips | {what: path.name for what, path in given.items() if path}
 
 
 def _apply_options(commands) -> None:
@@ -375,10 +374,10 @@ def _apply(options: argparse.Namespace) -> int:
     applied = pr.apply_calibration(
         options.strips, options.trajectory, options.mounting, options.calibration, options.out,
         crs=options.crs, ring_dimension=options.ring_dimension, mounting_only=options.mounting_only,
+        checkpoints=options.checkpoints,
     )  # fmt: skip
-    for note in applied.notes:
-        say(f"note: {note}")
-    say(f"{options.out}: {len(applied.strips)} strips, {applied.points} points")
+    written = f"{options.out}: {len(applied.strips)} strips, {applied.points} points"
+    say("\n".join([*(f"note: {note}" for note in applied.notes), written, *applied.heights]))
     return 0
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.image import AxesImage
 
 from paperrepro.figures import SCENARIO_COLOURS, STRIP_COLOURS, STYLE, canvas, thinned
 from paperrepro.figures.calibration import correlation_matrix
@@ -93,6 +94,25 @@ def distance_histogram(ax: Axes, distances: np.ndarray, colour: str, words: str)
     ax.set_xlabel("distance between strips (cm)")
     ax.set_ylabel("points")
     return ax
+
+
+def difference_image(
+    ax: Axes, p_m: np.ndarray, distances: np.ndarray, limit_m: float, cell_m: float = 1.0
+) -> AxesImage:
+    """Seen from above: mean of ``distances`` (N,) m of one strip's points (N, 3) m from another,
+    in cells of ``cell_m``; colours end at ``limit_m``, and cells without points stay white.
+    """
+    low, high = p_m[:, :2].min(axis=0), p_m[:, :2].max(axis=0) + cell_m
+    edges = [np.arange(a, b + cell_m, cell_m) for a, b in zip(low, high, strict=True)]
+    count, *_ = np.histogram2d(*p_m[:, :2].T, edges)
+    total, *_ = np.histogram2d(*p_m[:, :2].T, edges, weights=CM * distances)
+    mean = np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
+    extent = (edges[0][0], edges[0][-1], edges[1][0], edges[1][-1])
+    image = ax.imshow(mean.T, cmap="RdBu_r", vmin=-CM * limit_m, vmax=CM * limit_m, origin="lower",
+                      extent=extent, interpolation="nearest")  # fmt: skip
+    ax.set_xlabel("east (m)")
+    ax.set_ylabel("north (m)")
+    return image
 
 
 def plane_directions(ax: Axes, normals: np.ndarray) -> Axes:
@@ -226,7 +246,7 @@ def page(
         files=files, notes=[*notes, *own.remarks], angles=_angles(own),
         offsets=_offsets(own), pairs=_pair_table(own), planes=_planes(own), rejected=_rejected(own),
         noise=_noise(own), weak=_reliability(own), cm=CM, ratio=median_ratio(own.distances),
-        passes=np.degrees(own.boresights),
+        passes=np.degrees(own.boresights), heights=_heights(own), heights_at=_heights_of(own),
     )  # fmt: skip
 
 
@@ -280,6 +300,40 @@ def _pair_table(own: OwnFlight) -> Table:
     heads = [f"{what} {name} (cm)" for what in ("RMS", "median |d|") for name in names]
     heads = ["strips", "overlap (%)", "points", *heads]
     return Table(heads, lines, ["word", *["number"] * (len(heads) - 1)])
+
+
+#: How the report calls the clouds whose heights are compared.
+CLOUDS = {"before": "before", "mounting": "mounting", "trajectory": "mounting and trajectory"}
+
+
+def _heights(own: OwnFlight) -> Table | None:
+    """Vertical accuracy at the checkpoints, cloud by cloud."""
+    if own.checkpoints is None:
+        return None
+    found = {cloud: own.checkpoints.accuracy(cloud) for cloud in own.checkpoints.offsets}
+    lines = [
+        (CLOUDS[cloud], number(one.n), number(CM * one.mean, 1, signed=True),
+         number(CM * one.rmse, 1), number(CM * one.at_95, 1))
+        for cloud, one in found.items() if one
+    ]  # fmt: skip
+    heads = ["cloud", "points", "mean (cm)", "RMSE (cm)", "95 % (cm)"]
+    return Table(heads, lines, ["word", *["number"] * 4])
+
+
+def _heights_of(own: OwnFlight) -> Table | None:
+    """Cloud minus checkpoint, point by point."""
+    checked = own.checkpoints
+    if checked is None:
+        return None
+    why = dict.fromkeys(checked.off, "off the strips") | dict.fromkeys(checked.uneven, "uneven")
+    lines = [
+        (name, number(CM * checked.points.sigma[k], 1),
+         *("" if np.isnan(of[k]) else number(CM * of[k], 1, signed=True)
+           for of in checked.offsets.values()), why.get(name, ""))
+        for k, name in enumerate(checked.points.names)
+    ]  # fmt: skip
+    heads = ["point", "σ (cm)", *(f"{CLOUDS[cloud]} (cm)" for cloud in checked.offsets), "not used"]
+    return Table(heads, lines, ["word", *["number"] * (len(heads) - 2), "word"])
 
 
 def _planes(own: OwnFlight) -> Table:

@@ -28,6 +28,13 @@ from paperrepro.method.coarse_to_fine import (
     sample_rays,
     silent,
 )
+from paperrepro.method.control import (
+    CheckedHeights,
+    ControlPoints,
+    check_heights,
+    left_out,
+    with_control,
+)
 from paperrepro.method.parameters import Parameters
 from paperrepro.method.tie_planes import Rejection, TiePlanes
 from paperrepro.survey import Survey
@@ -67,6 +74,8 @@ class OwnFlight:
         A sentence each.
     checks : tuple of Check
         Of the model under which sigma hold.
+    checkpoints : CheckedHeights, optional
+        Heights of the cloud over points surveyed on the ground.
     """
 
     survey: Survey
@@ -78,12 +87,14 @@ class OwnFlight:
     distances: tuple[PairDistances, ...]
     remarks: tuple[str, ...]
     checks: tuple[Check, ...] = ()
+    checkpoints: CheckedHeights | None = None
 
     def summary(self) -> str:
         """Lines for a terminal: remarks, the angles with their sigma, the fit, what is weak, and
         where the data contradict the model."""
         checks = [f"  check: {sentence}" for sentence in self.contradictions]
-        return "\n".join([*self.remarks, self.result.summary(), *checks])
+        checked = self.checkpoints.lines() if self.checkpoints else []
+        return "\n".join([*self.remarks, self.result.summary(), *checks, *checked])
 
     @property
     def contradictions(self) -> list[str]:
@@ -105,6 +116,8 @@ def calibrate_flight(
     progress: Progress = silent,
     parameters: Parameters | None = None,
     lever_arm: bool = False,
+    checkpoints: ControlPoints | None = None,
+    control: ControlPoints | None = None,
 ) -> OwnFlight:
     """Calibrate a flight, from its own mounting as start.
 
@@ -123,6 +136,10 @@ def calibrate_flight(
         Table 2, for gable roofs.
     lever_arm : bool
         Scenario D estimates the lever arm, too, with the given one as prior.
+    checkpoints : ControlPoints, optional
+        Points surveyed on the ground, as `read_control` gives them, that judge the heights.
+    control : ControlPoints, optional
+        Points that enter scenario D.
 
     Returns
     -------
@@ -141,15 +158,18 @@ def calibrate_flight(
     _require_word("planes", planes, PLANES)
     if lever_arm and not of_trajectory:
         raise BadInput(f"lever arm: scenario {scenario} holds it; estimate it by scenario D")
+    if control is not None and not of_trajectory:
+        raise BadInput(f"control: scenario {scenario} has no use for it; use it in scenario D")
     survey = flight.survey if isinstance(flight, Flight) else flight
     points = sample_rays(survey)
     pairs = _require_overlap(survey, points.rays)
     kind, found, remarks = _find(survey, points, planes, progress, parameters)
     require_agreement(survey, found.tie_planes, getattr(flight, "trajectory", "trajectory"))
     progress(f"scenario {scenario}: {found.tie_planes.n_planes} planes")
-    result, tie_planes = _adjust(
-        survey, found.tie_planes, scenario, found.boresights[-1], lever_arm
-    )
+    tied = found.tie_planes
+    if control is not None:
+        tied = _controlled(survey, tied, control, found.boresights[-1], remarks)
+    result, tie_planes = _adjust(survey, tied, scenario, found.boresights[-1], lever_arm)
     if of_trajectory and len(set(tie_planes.strips)) < ENOUGH_STRIPS:
         remarks.append(
             f"The trajectory's noise was taken as specified, to a factor of three: "
@@ -163,10 +183,34 @@ def calibrate_flight(
         adjusted = {name: result.trajectory.apply(rays) for name, rays in points.rays.items()}
     distances = pair_distances(points.rays, pairs, survey.mounting, result.calibrated, adjusted)
     rejected = (*found.rejected, *result.rejected)
+    checked = None
+    if checkpoints is not None:
+        progress(f"heights over {len(checkpoints.names)} checkpoints")
+        clouds = {"before": (survey.mounting, None), "mounting": (result.calibrated, None)}
+        if result.trajectory is not None:
+            clouds["trajectory"] = result.calibrated, result.trajectory.poses
+        checked = check_heights(survey, checkpoints, clouds)
     return OwnFlight(
         survey, kind, result, tie_planes, rejected, found.boresights, distances, tuple(remarks),
-        checks,
+        checks, checked,
     )  # fmt: skip
+
+
+def _controlled(
+    survey: Survey, tie_planes: TiePlanes, control: ControlPoints, near: np.ndarray, remarks: list
+) -> TiePlanes:
+    """With planes through the control points, under the boresight ``near`` (3,) rad; ``remarks``
+    get which were not used. Raises `BadInput` where none is."""
+    mounting = survey.mounting.with_calibration(near)
+    tied, off, uneven = with_control(survey, tie_planes, control, mounting)
+    if not tied.controlled.any():
+        raise BadInput(
+            f"control: none of {len(control.names)} points lies on even ground of the strips "
+            f"({', '.join(control.names[:3])} ...); give points there, in the strips' coordinates"
+        )
+    if off or uneven:
+        remarks.append(f"Control: {left_out(off, uneven)}")
+    return tied
 
 
 def _constants(result: CalibrationResult) -> list[str]:
@@ -243,7 +287,8 @@ def _adjust(
     found, start = None, replace(survey, mounting=survey.mounting.with_calibration(near))
     if by_name(scenario).trajectory:
         enough = len(set(tie_planes.strips)) >= ENOUGH_STRIPS
-        found = find_noise(start, few_planes(tie_planes, start.mounting), near, enough)
+        free = tie_planes.uncontrolled()
+        found = find_noise(start, few_planes(free, start.mounting), near, enough)
     result = calibrate(start, tie_planes, scenario, found=found, lever_arm=lever_arm)
     kept = result.adjusted(tie_planes)
     before = kept.plane_states(survey.mounting).rms

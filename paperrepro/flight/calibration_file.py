@@ -19,6 +19,7 @@ from paperrepro.method.adjustment.model_checks import Check
 from paperrepro.method.adjustment.observability import Observability
 from paperrepro.method.adjustment.quality import Reliability
 from paperrepro.method.adjustment.trajectory_equations import Beams
+from paperrepro.method.control import CheckedHeights
 from paperrepro.survey import Mounting, Scanner
 
 NAME = "calibration.json"
@@ -81,6 +82,7 @@ def document(own: OwnFlight) -> dict:
         "trajectory": None,
         "beams": None if result.beams is None else _beams(result.beams),
         "checks": [_check(check) for check in own.checks],
+        "checkpoints": None if own.checkpoints is None else _checkpoints(own.checkpoints),
         "remarks": list(own.remarks),
     }
 
@@ -159,6 +161,24 @@ def _check(check: Check) -> dict:
     sentence = None if check.passed else check.sentence
     passed = {"passed": check.passed, "sentence": sentence}
     return {"name": check.name, "value": check.value} | limits | passed
+
+
+def _checkpoints(checked: CheckedHeights) -> dict:
+    """Cloud minus point, m, before, after the mounting, and after the trajectory; null where a
+    point is off the strips or on uneven ground."""
+    found = {cloud: checked.accuracy(cloud) for cloud in checked.offsets}
+    points = [
+        {"name": name, "sigma_m": float(checked.points.sigma[k])}
+        | {
+            f"{cloud}_m": float(offset[k]) if np.isfinite(offset[k]) else None
+            for cloud, offset in checked.offsets.items()
+        }
+        for k, name in enumerate(checked.points.names)
+    ]
+    return {
+        cloud: one and {"n": one.n, "mean_m": one.mean, "rmse_m": one.rmse, "at_95_m": one.at_95}
+        for cloud, one in found.items()
+    } | {"off_strips": list(checked.off), "uneven": list(checked.uneven), "points": points}
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,9 @@ from paperrepro.flight.table import (
     TableFile,
     open_table,
     pose_columns,
+    read_points,
 )
+from paperrepro.method.control import ControlPoints
 from paperrepro.survey import Scanner, Strip, Survey, Trajectory
 
 
@@ -137,6 +139,39 @@ def read_flight(
     of_files = [note for file in files for note in file.notes]
     notes = (*given.notes, *of_files, *notes, *more)
     return Flight(survey, frame, notes, tuple(files), decoder, named.trajectory)
+
+
+def read_control(path: str | Path | None, flight: Flight) -> ControlPoints | None:
+    """Points surveyed on the ground.
+
+    Parameters
+    ----------
+    path : path or None
+        CSV with columns name, x, y, z, sigma: coordinates in the reference system of the strips,
+        heights as theirs, and the standard deviation of the height, m.
+    flight : Flight
+
+    Returns
+    -------
+    ControlPoints
+        In the m-frame of the flight; None without a path.
+
+    Raises
+    ------
+    BadInput
+        Names file, column and row.
+    """
+    if path is None:
+        return None
+    names, xyz, sigma = read_points(path)
+    p_m = decoding.local_points(flight.files[0].grid, xyz, flight.frame)
+    if not np.isfinite(p_m).all():
+        lost = names[int(np.flatnonzero(~np.isfinite(p_m).all(axis=1))[0])]
+        raise BadInput(
+            f"{path}: point {lost} lies outside of {flight.files[0].grid.name}; give coordinates "
+            "in the strips' reference system"
+        )
+    return ControlPoints(tuple(names), p_m + flight.decoder.shift, sigma)
 
 
 def _opened(path: Path, crs: str | None, ring_dimension: str) -> StripFile | TableFile:

@@ -93,6 +93,34 @@ def open_table(path: Path, crs: str | None, ring_dimension: str = "user_data") -
     return TableFile(path, Grid(crs, "--crs"), ring, time, count, names)
 
 
+def read_points(path: str | Path) -> tuple[list[str], np.ndarray, np.ndarray]:
+    """Names, coordinates (K, 3) and standard deviations (K,) m of surveyed points: a table with
+    columns name, x, y, z, sigma. Raises `BadInput`."""
+    path = Path(path)
+    if not path.is_file():
+        raise BadInput(f"{path}: no such file; give points as a table of name, x, y, z, sigma")
+    parts = list(_chunks(path, CHUNK))
+    table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+    columns = ["name", "x", "y", "z", "sigma"]
+    missing = [name for name in columns if name not in table]
+    if missing or table.empty:
+        what = f"{', '.join(missing)} missing" if missing else "no row in it"
+        raise BadInput(f"{path}: expected columns {', '.join(columns)} in the head line and a row "
+                       f"for each point, {what}; write them")  # fmt: skip
+    names = [str(name).strip() for name in table["name"]]
+    for name in names:
+        if names.count(name) > 1 or not name:
+            raise BadInput(f"{path}: name {name!r}: expected one for each point; rename it")
+    numbers = table[columns[1:]]
+    _require_numbers(numbers, path)
+    numbers = numbers.to_numpy(float)
+    if not (numbers[:, 3] > 0).all():
+        worst = int(np.argmin(numbers[:, 3]))
+        raise BadInput(f"{path}: sigma of {names[worst]}: expected metres above 0, got "
+                       f"{numbers[worst, 3]:g}; give its standard deviation")  # fmt: skip
+    return names, numbers[:, :3], numbers[:, 3]
+
+
 def _chunks(path: Path, size: int) -> Iterator[pd.DataFrame]:
     try:
         for chunk in pd.read_csv(path, chunksize=size, skipinitialspace=True):

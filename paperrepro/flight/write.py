@@ -7,7 +7,7 @@ to the last digit. Points that are no rays of this flight (pulses without a retu
 trajectory does not cover) stay where they are.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,13 +21,12 @@ from paperrepro.flight import ray_test
 from paperrepro.flight.calibration_file import read_calibration
 from paperrepro.flight.las import FILE_ERRORS, SOFTWARE, StripFile, first_line, opened
 from paperrepro.flight.mounting import read_mounting
-from paperrepro.flight.read import Flight, read_flight, require_apart
+from paperrepro.flight.read import Flight, read_control, read_flight, require_apart
 from paperrepro.flight.sbet import adjustment
+from paperrepro.method.control import CheckedHeights, Correct, check_heights
 from paperrepro.method.georeference import georeference
 from paperrepro.survey import Mounting, Rays
 
-#: Poses (N, 6) in place of those reported, of times (N,) s and these.
-Correct = Callable[[np.ndarray, np.ndarray], np.ndarray]
 #: Records of cloud-optimised point clouds: their index would not fit the points once moved.
 COPC = "copc"
 
@@ -35,11 +34,17 @@ COPC = "copc"
 @dataclass(frozen=True)
 class Applied:
     """What `apply_calibration` wrote: paths of the ``strips``, the number of ``points`` in them,
-    and ``notes`` of the reading, a sentence each."""
+    ``notes`` of the reading, a sentence each, and heights over ``checkpoints``, if any."""
 
     strips: tuple[Path, ...]
     points: int
     notes: tuple[str, ...]
+    checkpoints: CheckedHeights | None = None
+
+    @property
+    def heights(self) -> list[str]:
+        """Lines on the heights over checkpoints."""
+        return self.checkpoints.lines() if self.checkpoints else []
 
 
 def apply_calibration(
@@ -52,6 +57,7 @@ def apply_calibration(
     crs: str | None = None,
     ring_dimension: str = "user_data",
     mounting_only: bool = False,
+    checkpoints: str | Path | None = None,
 ) -> Applied:
     """Write strips anew under a calibration: all of them, or none.
 
@@ -71,11 +77,13 @@ def apply_calibration(
         As for `read_flight`.
     mounting_only : bool
         Poses stay as reported, though the calibration has an adjusted trajectory.
+    checkpoints : path, optional
+        CSV of points surveyed on the ground, `read_control`, over which heights are compared.
 
     Returns
     -------
     Applied
-        Paths, number of points, notes.
+        Paths, number of points, notes, heights over the checkpoints.
 
     Raises
     ------
@@ -87,14 +95,20 @@ def apply_calibration(
     early = read_calibration(calibration, given.mounting)
     require_apart(strips, out)
     flight = read_flight(strips, trajectory, mounting, crs=crs, ring_dimension=ring_dimension)
-    survey = flight.survey
+    survey, points = flight.survey, read_control(checkpoints, flight)
     calibrated = read_calibration(calibration, survey.mounting, survey.scanner)
     correct = None
     if calibrated.trajectory and trajectory is not None and not mounting_only:
         correct = adjustment(Path(trajectory), calibrated.trajectory, flight.frame)
     written = write_strips(flight, calibrated.mounting, out, correct)
-    points = sum(file.count for file in flight.files)
-    return Applied(tuple(written), points, (*early.notes, *flight.notes, *_copc_notes(flight)))
+    count = sum(file.count for file in flight.files)
+    notes = (*early.notes, *flight.notes, *_copc_notes(flight))
+    checked = None
+    if points is not None:
+        clouds = {"before": (survey.mounting, None), "mounting": (calibrated.mounting, None)}
+        clouds |= {"trajectory": (calibrated.mounting, correct)} if correct else {}
+        checked = check_heights(survey, points, clouds)
+    return Applied(tuple(written), count, notes, checked)
 
 
 def _copc_notes(flight: Flight) -> list[str]:

@@ -236,8 +236,7 @@ class Correspondences:
         """Signed distances (N,) m of the points from the planes of their neighbours."""
         p_m = georeference(samples[self.first].take(self.index), mounting)
         q_m = georeference(samples[self.second].take(self.neighbours.ravel()), mounting)
-        normal, centroid, _, _ = local_planes(q_m.reshape(*self.neighbours.shape, 3))
-        return np.einsum("na,na->n", p_m - centroid, normal)
+        return over_planes(p_m, q_m.reshape(*self.neighbours.shape, 3))
 
 
 @dataclass(frozen=True)
@@ -252,6 +251,12 @@ class PairDistances:
     before: np.ndarray
     after: np.ndarray
     adjusted: np.ndarray | None = None
+
+
+def over_planes(p_m: np.ndarray, q_m: np.ndarray) -> np.ndarray:
+    """Signed distances (N,) m of points (N, 3) from the planes of neighbourhoods (N, k, 3)."""
+    normal, centroid, _, _ = local_planes(q_m)
+    return np.einsum("na,na->n", p_m - centroid, normal)
 
 
 def local_planes(q_m: np.ndarray):
@@ -292,7 +297,7 @@ def pair_distances(
     trees = {name: cKDTree(p) for name, p in p_m.items()}
     measured = []
     for (first, second), share in pairs.items():
-        both = _correspondences(first, second, p_m, trees)
+        both = correspondences(first, second, p_m, tree=trees[second])
         if len(both.index) >= LEAST_POINTS:
             distances = [both.distances(samples, mounting) for mounting in (before, after)]
             if adjusted is not None:
@@ -301,11 +306,16 @@ def pair_distances(
     return tuple(measured)
 
 
-def _correspondences(first: str, second: str, p_m, trees) -> Correspondences:
-    """Points of ``first`` that lie on ``second``, evenly drawn, with their neighbours there."""
+def correspondences(
+    first: str, second: str, p_m: Mapping[str, np.ndarray], most: int = POINTS,
+    tree: cKDTree | None = None,
+) -> Correspondences:  # fmt: skip
+    """At most ``most`` points of strip ``first`` that lie on ``second``, evenly drawn, with their
+    neighbours there; ``p_m`` (N, 3) m of each strip, ``tree`` of the second's, if there is one."""
+    tree = cKDTree(p_m[second]) if tree is None else tree
     near = np.flatnonzero(inside(p_m[first], *extent(p_m[second])))
-    index = near[np.linspace(0, len(near) - 1, min(POINTS, len(near))).astype(int)]
-    distance, neighbours = trees[second].query(p_m[first][index], k=NEIGHBOURS, workers=-1)
+    index = near[np.linspace(0, len(near) - 1, min(most, len(near))).astype(int)]
+    distance, neighbours = tree.query(p_m[first][index], k=NEIGHBOURS, workers=-1)
     if not len(index) or not np.isfinite(distance).all():
         return Correspondences(first, second, index[:0], np.empty((0, NEIGHBOURS), int))
     kept = _belong(p_m[first][index], p_m[second][neighbours])

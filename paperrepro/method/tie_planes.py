@@ -30,7 +30,8 @@ class TiePlanes:
 
     ``rays`` of all faces one after the other, face ``f`` in rows ``ranges[f, 0]:ranges[f, 1]``;
     ``strips`` (F,) names; ``plane`` (F,) index of each face's plane, ascending; ``pairs`` (P, 2)
-    reference face and search face.
+    reference face and search face; ``control`` (G, 4) m, the point through which a plane is known
+    to go and how well in height, NaN where none is known, or None.
     """
 
     rays: Rays
@@ -38,6 +39,7 @@ class TiePlanes:
     strips: tuple[str, ...]
     plane: np.ndarray
     pairs: np.ndarray
+    control: np.ndarray | None = None
 
     @classmethod
     def build(
@@ -77,6 +79,19 @@ class TiePlanes:
         return int(self.plane[-1]) + 1
 
     @property
+    def controlled(self) -> np.ndarray:
+        """(G,) bool: planes through a control point."""
+        if self.control is None:
+            return np.zeros(self.n_planes, bool)
+        return np.isfinite(self.control[:, 3])
+
+    def uncontrolled(self) -> "TiePlanes":
+        """Without the planes through control points."""
+        if self.control is None:
+            return self
+        return replace(self, control=None).subset(~self.controlled[self.plane])
+
+    @property
     def plane_ranges(self) -> np.ndarray:
         """(G, 2) rows of all points of each plane."""
         first = np.searchsorted(self.plane, np.arange(self.n_planes))
@@ -101,15 +116,19 @@ class TiePlanes:
         return face_states(mounting.pointed(self.rays), ranges, unknowns, unknowns.start())
 
     def subset(self, keep: np.ndarray) -> "TiePlanes":
-        """Without the faces where ``keep`` (F,) is False, and the planes that one face is left of.
+        """Without the faces where ``keep`` (F,) is False, and the planes that one face is left of,
+        or none of those through a control point.
 
         Raises `TooFewPlanes`.
         """
         members = [np.flatnonzero(keep & (self.plane == g)) for g in range(self.n_planes)]
-        planes = [list(faces) for faces in members if len(faces) > 1]
+        least = np.where(self.controlled, 1, 2)
+        kept = [g for g, faces in enumerate(members) if len(faces) >= least[g]]
+        planes = [list(members[g]) for g in kept]
         faces = [self.rays.take(slice(first, last)) for first, last in self.ranges]
         pairs = [tuple(pair) for pair in self.pairs]
-        return TiePlanes.build(faces, list(self.strips), planes, pairs)
+        built = TiePlanes.build(faces, list(self.strips), planes, pairs)
+        return replace(built, control=None if self.control is None else self.control[kept])
 
     def thinned(self, most: int) -> "TiePlanes":
         """With at most ``most`` points a face, evenly spaced in their order."""

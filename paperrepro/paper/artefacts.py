@@ -45,7 +45,7 @@ _FARM, _EQUATION, _ROOFS = "01_simulated_farm", "02_lidar_equation", "03_roof_ex
 _MATCHING, _CALIBRATION = "04_matching", "05_calibration"
 _REFINEMENT, _ACCURACY = "06_refinement", "07_accuracy"
 _SWEEP, _CLAIMS, _APPLICATIONS = "08_noise_sweep", "09_claims", "10_applications"
-_OWN = "11_own_flight"
+_OWN, _STRIPS = "11_own_flight", "12_strip_adjustment"
 _REDUCED = f"{100 * RMSE_REDUCTION['C'].value:.0f}\u00a0%"
 
 #: Every table and figure, first those of the paper in its order, then ours in the notebooks' order.
@@ -189,6 +189,10 @@ ARTEFACTS = (
     Artefact("own_flight_pairs", "An operator's folder, calibrated", _OWN,
              "Distances between the strips of a simulated operator's folder, by pair of strips, "
              "before and after the calibration by D (ours)."),
+    Artefact("strip_differences", "Differences between strips", _STRIPS,
+             "Two pairs of strips seen from above: how far the one lies over the other, before the "
+             "calibration, with D's mounting, and with its trajectory (ours), in cells of a metre; "
+             "mind the different scales."),
 )  # fmt: skip
 
 

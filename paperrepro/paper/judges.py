@@ -131,6 +131,21 @@ def within(
     return _banded(mean, unit, len(values), words, least, most)
 
 
+@of_surveys
+def median(
+    surveys: Surveys, quantity: Quantity, high: float, unit: str, beside: Beside | None = None
+) -> Judged:
+    """Median at most ``high``: yes if its interval is below, no if above. The words name medians
+    ``beside``."""
+    (kept,) = surveys.enough(quantity(surveys))
+    middle = surveys.resampled(kept.to_numpy(), np.median)
+    words = f"median {span(middle, unit)}, limit {shown(high, unit)}, largest "
+    words += shown(kept.max(), unit)
+    means = {name: other(surveys).median() for name, other in (beside or {}).items()}
+    words += "".join(f"; {name} {shown(value, unit)}" for name, value in means.items())
+    return _banded(middle, unit, len(kept), words, -np.inf, high)
+
+
 def _banded(
     measured: Interval, unit: str, seeds: int, words: str, low: float, high: float,
     signed: bool = False,

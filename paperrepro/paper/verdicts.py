@@ -11,13 +11,13 @@ claim is about several estimators, each in each setting counts like a setting.
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from paperrepro.paper.numbers import shown, span
 from paperrepro.paper.published import Published
-from paperrepro.study.rows import SPECIFIED
+from paperrepro.study.rows import FEW, MANY, SPECIFIED
 from paperrepro.study.statistics import LEAST_SEEDS, Evidence, Interval, Setting, Surveys, TooLittle
 
 HOLDS = "holds"
@@ -265,3 +265,20 @@ class Claim:
     rule: Rule
     text: str
     paper: Published | None = None
+
+    def judged(self, evidence: Evidence) -> Finding:
+        """By few points a face; where all of them turn the verdict, that is said."""
+        few, every = self.rule(evidence, FEW), self.rule(evidence, MANY)
+        if UNTESTED in (few.verdict, every.verdict) or few.verdict == every.verdict:
+            return few
+        words = f"with all points of a face: {every.verdict} ({every.values})"
+        return replace(few, condition=f"{few.condition}; {words}")
+
+    def line(self, evidence: Evidence) -> dict:
+        """Of the ledger, with the columns `COLUMNS`."""
+        finding = self.judged(evidence)
+        return {
+            "id": self.id, "claim": self.text, "place": self.place, "kind": self.kind,
+            "paper": self.paper.value if self.paper else np.nan, **asdict(finding),
+            "unit": finding.unit or (self.paper.unit if self.paper else ""),
+        }  # fmt: skip

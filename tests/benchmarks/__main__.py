@@ -3,6 +3,7 @@
 --every 16 4 1   densities, one in so many pulses
 --out figures    folder of benchmarks.csv, benchmarks_targets.csv, benchmarks.png and .svg
 --no-whole       not the whole method in a process of its own, for memory, growth and compiling
+--icp PYTHON     of an environment with simpleicp: strips beside a rigid ICP (`rigid_icp`)
 --no-commands    not the full-density reproduction, nor a sweep by one worker and by two
 """
 
@@ -18,7 +19,7 @@ import pandas as pd
 import psutil
 
 from paperrepro.figures import save, study, use_style
-from tests.benchmarks import commands, stages, whole
+from tests.benchmarks import commands, rigid_icp, stages, whole
 from tests.benchmarks.clock import Row
 from tests.benchmarks.inputs import EVERY, Inputs
 from tests.benchmarks.targets import judged
@@ -55,7 +56,9 @@ def rows_of_whole(every: int, sparsest: bool) -> Iterator[dict]:
         yield {"stage": "compiling", "seconds": sum(first.values()) - total, **told}
 
 
-def measure(densities: list[int], with_whole: bool, with_commands: bool) -> pd.DataFrame:
+def measure(
+    densities: list[int], with_whole: bool, with_commands: bool, icp: Path | None = None
+) -> pd.DataFrame:
     """A row for each stage, density and peer."""
     rows: list[dict] = []
 
@@ -73,6 +76,9 @@ def measure(densities: list[int], with_whole: bool, with_commands: bool) -> pd.D
         if with_whole:
             for row in rows_of_whole(every, sparsest):
                 add(row)
+    if icp is not None:
+        for row in rigid_icp.strips_together(Inputs.of(16).survey, 16, icp):
+            add(row.as_dict())
     if with_commands:
         add(commands.paper_profile())
         add(commands.sweep())
@@ -99,8 +105,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=None)
     parser.add_argument("--whole", action=argparse.BooleanOptionalAction, default=True)
     parser.add_argument("--commands", action=argparse.BooleanOptionalAction, default=True)
+    parser.add_argument("--icp", type=Path, default=None)
     chosen = parser.parse_args()
-    rows = measure(chosen.every, chosen.whole, chosen.commands).reindex(columns=COLUMNS)
+    rows = measure(chosen.every, chosen.whole, chosen.commands, chosen.icp).reindex(columns=COLUMNS)
     rows["peer"], rows["machine"] = rows.peer.fillna(""), machine()
     verdicts = judged(rows)
     print(rows.to_string(index=False, float_format=lambda v: f"{v:.4g}"))

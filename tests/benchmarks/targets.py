@@ -67,6 +67,11 @@ def _growth_of_d(rows: pd.DataFrame) -> float:
     return exponent(chosen.points.to_numpy(float), chosen.seconds.to_numpy())
 
 
+def _greatest_over_icp(rows: pd.DataFrame) -> float:
+    """Of the pairs of strips beside a rigid ICP."""
+    return float(rows[rows.stage.str.startswith("strips ")].agreement.max())
+
+
 #: Stages that are timed on one strip.
 OF_A_STRIP = ("georeference", "outliers", "ground", "normals and growing", "roofs")
 
@@ -85,6 +90,7 @@ TARGETS = (
             Target(f"{name}, difference, rad", 1e-8, _of("agreement", name, "SciPy", None)),
         )
     ),
+    Target("distance between strips / simpleicp", 1.0, _greatest_over_icp),
     Target("D, exponent in flight time", 1.05, _growth_of_d),
     Target("stages of a strip, exponent", 1.05, _greatest_growth),
     Target("whole method, exponent in points", 1.05, _growth("whole method")),

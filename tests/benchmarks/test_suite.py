@@ -9,7 +9,7 @@ from paperrepro.figures import study
 from paperrepro.method.adjustment.scenarios import calibrate
 from paperrepro.method.georeference import georeference
 from paperrepro.method.outliers import statistical_outliers
-from tests.benchmarks import clock, commands, flight_time, least_squares, peers
+from tests.benchmarks import clock, commands, flight_time, least_squares, peers, rigid_icp
 from tests.benchmarks.clock import Timing, row, timed
 from tests.benchmarks.targets import TARGETS, exponent, judged
 from tests.paperrepro.labelled import matched_faces, survey_of, with_noise
@@ -132,3 +132,30 @@ def test_the_picture_has_a_line_for_each_stage_and_each_peer():
     assert "outliers" in labels
     assert "outliers: Open3D" in labels
     assert len(labels) == 8 + 3 + 1
+
+
+def test_distances_of_strips_are_of_the_same_points_in_every_cloud():
+    """Level strips: what a shift of one leaves is the shift, whatever lies sideways."""
+    rng = np.random.default_rng(0)
+    one, other = (np.column_stack([rng.uniform(0, 20, (4000, 2)), np.zeros(4000)]) for _ in "ab")
+    start = {"A": one, "B": other}
+    lifted = {"A": one, "B": other + np.array([0.3, 0.0, 0.05])}
+    found = rigid_icp.left({"start": start, "lifted": lifted}, "A", "B")
+    assert found == pytest.approx({"start": 0.0, "lifted": 0.05}, abs=1e-12)
+
+
+def test_strips_beside_an_icp_meet_their_target_where_none_is_above(monkeypatch):
+    level = np.random.default_rng(0).uniform(0, 9, (900, 2))
+    flat = np.column_stack([level, 0.2 * level[:, 0]])
+    names = {name for pair in rigid_icp.PAIRS for name in pair}
+    up = {name: flat + np.array([0.0, 0.0, 0.01 * k]) for k, name in enumerate(sorted(names))}
+    together = dict.fromkeys(names, flat)
+    monkeypatch.setattr(rigid_icp, "adjusted", lambda survey: (up, together))
+    monkeypatch.setattr(rigid_icp, "moved", lambda python, fixed, moving: moving)
+    monkeypatch.setattr(clock, "ENOUGH_S", 0.0)
+    rows = pd.DataFrame([r.as_dict() for r in rigid_icp.strips_together(None, 16, "python")])
+    assert rows.agreement.max() < 1e-9
+    of = "distance between strips / simpleicp"
+    for share, met in ((0.9, "yes"), (1.1, "no")):
+        verdict = judged(rows.assign(agreement=[0.5] * (len(rows) - 1) + [share]))
+        assert verdict.set_index("target").met[of] == met

@@ -3,7 +3,6 @@
 import pytest
 
 from data_synth import PROFILES, make_config, simulate
-from data_synth.flight import TABLE_1
 
 
 @pytest.fixture(scope="session")
@@ -24,10 +23,10 @@ def thin():
     asked for."""
     silent = {"noise_scale": 0.0, "sensor_noise": False, "reference_noise": False}
 
-    def simulated(plan=TABLE_1, **parameters):
+    def simulated(**parameters):
         with pytest.MonkeyPatch.context() as patch:
             patch.setitem(PROFILES, "thin", 160)
-            return simulate(make_config(profile="thin", **(silent | parameters)), plan)
+            return simulate(make_config(profile="thin", **(silent | parameters)))
 
     return simulated
 

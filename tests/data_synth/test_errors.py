@@ -178,7 +178,7 @@ def test_range_noise_grows_to_the_rim_of_the_swath(thin):
     to 1.245 / cos²; both from the same draws."""
     level = {"sensor_noise": True, "ground_relief": 0.0, "gust_scale": 0.0}
     one_line = TABLE_1.only("F1")
-    even, grown = (thin(one_line, **level, range_noise_growth=growth) for growth in (0.0, 1.0))
+    even, grown = (thin(plan=one_line, **level, range_noise_growth=growth) for growth in (0.0, 1.0))
     assert columns_equal(even[0], grown[0], ("time", "ring", "azimuth"))
     excess = grown[0].strips[0].rho - even[0].strips[0].rho
     azimuth = np.degrees(np.abs(even[0].strips[0].azimuth))

@@ -21,6 +21,7 @@ from data_synth.flight import (
     flight_plan,
     fly,
     overlap,
+    plan_of,
 )
 from data_synth.motion import GUST_RMS, RECORD_STEP, VIBRATION_RMS, draw_disturbance
 from paperrepro.errors import BadInput
@@ -164,8 +165,60 @@ def test_a_covering_plan_covers():
         lambda: FlightPlan((PlannedLine("A", 0.0, 0.5),)),
         lambda: FlightPlan((PlannedLine("A", 0.0, NORTH),), height=0.0),
         lambda: TABLE_1.only("F9"),
+        lambda: FlightPlan((PlannedLine("A", 0.0, NORTH),), height=100.0),
+        lambda: FlightPlan((PlannedLine("A", np.nan, NORTH),)),
+        lambda: FlightPlan((PlannedLine("A", 0.0, NORTH, speed=-1.0),)),
+        lambda: FlightPlan((PlannedLine("a/b", 0.0, NORTH),)),
+        lambda: covering(50.0, 50.0, 1.0),
+        lambda: covering(50.0, 50.0, height=0.0),
     ],
 )
 def test_a_plan_that_cannot_be_flown_is_refused(wrong):
     with pytest.raises(BadInput):
         wrong()
+
+
+def test_a_table_of_lines_is_a_plan():
+    """Each at its own height and speed; the climb between them is part of the turn."""
+    table = [
+        {"offset_m": -20.0, "heading_deg": 0},
+        {"name": "low", "offset_m": 10, "heading_deg": 270, "length_m": 80, "height_m": 20.0,
+         "speed_m_s": 3.0},
+    ]  # fmt: skip
+    first, low = flight_plan(plan_of(table))
+    assert (first.name, low.name) == ("F1", "low")
+    np.testing.assert_allclose(first.start, (-20.0, -LINE_LENGTH / 2), atol=1e-9)
+    np.testing.assert_allclose(low.start, (40.0, 10.0), atol=1e-9)
+    np.testing.assert_allclose(low.velocity, (-3.0, 0.0), atol=1e-12)
+    assert (first.height, low.height) == (HEIGHT, 20.0)
+    motion = fly((first, low), np.random.default_rng(0))
+    time = np.arange(first.end_time, low.start_time, 0.1)
+    assert motion.course(np.array([low.start_time]))[0, 2] == pytest.approx(20.0)
+    assert np.linalg.norm(motion.course(time, nu=2)[:, :3], axis=1).max() < 3.0
+
+
+@pytest.mark.parametrize(
+    ("row", "fact"),
+    [
+        ({"heading_deg": 0}, "line F1: offset_m: expected a number, got None"),
+        ({"offset_m": 0.0, "heading_deg": "north"}, "line F1: heading_deg: expected a number"),
+        ({"offset_m": 0.0, "heading_deg": 0, "heigth_m": 3.0}, "line F1: expected .* got heigth_m"),
+        ({"offset_m": 0.0, "heading_deg": 45}, "F1: expected a heading"),
+        ({"offset_m": 0.0, "heading_deg": 0, "height_m": 120}, "F1: height: expected below 100 m"),
+        (3, "line number 1: expected"),
+    ],
+)
+def test_a_table_that_is_no_plan_is_refused(row, fact):
+    with pytest.raises(BadInput, match=fact):
+        plan_of([row])
+
+
+def test_table_1_as_a_table_is_table_1():
+    table = [
+        {"name": line.name, "offset_m": line.offset * SWATH,
+         "heading_deg": np.degrees(line.heading)} for line in TABLE_1.lines
+    ]  # fmt: skip
+    for a, b in zip(flight_plan(plan_of(table)), LINES.values(), strict=True):
+        assert (a.name, a.height) == (b.name, b.height)
+        np.testing.assert_allclose(a.start, b.start, atol=1e-9)
+        assert a.end_time == pytest.approx(b.end_time)

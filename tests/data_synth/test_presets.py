@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from data_synth import PRESETS, PROFILES, SimulationConfig, make_config
+from data_synth import PRESETS, PROFILES, SimulationConfig, covering, make_config
+from data_synth.farm import Layout
 from data_synth.navigation import NAVIGATION
-from data_synth.presets import NOT_NEGATIVE, SCENES, TERRAINS, parse_parameters
+from data_synth.presets import NOT_NEGATIVE, SCENES, TERRAINS, parse_parameters, read_site
 from data_synth.surfaces import ROOF_SURFACES
 from paperrepro.errors import BadInput
 
@@ -89,3 +90,61 @@ def test_parameters_are_read_from_text_by_the_type_of_their_default():
 def test_what_is_no_parameter_is_refused_with_what_there_is(text):
     with pytest.raises(BadInput, match=r"expected (NAME=VALUE with a name|a value such as)"):
         parse_parameters([text])
+
+
+VILLAGE = """
+[site]
+rows = 4
+columns = 6
+
+[scanner]
+name = "HDL-32E"
+
+[covering]
+overlap = 0.6
+speed_m_s = 8
+"""
+LINE = "[[line]]\noffset_m = 5.0\nheading_deg = 90\n"
+
+
+def written(tmp_path, text):
+    path = tmp_path / "site.toml"
+    path.write_text(text)
+    return path
+
+
+def test_a_file_of_a_site_is_read(tmp_path):
+    config = make_config(**read_site(written(tmp_path, VILLAGE)))
+    assert (config.site_rows, config.site_columns, config.scanner) == (4, 6, "HDL-32E")
+    assert config.plan == covering(*Layout(4, 6).extent, 0.6, speed=8.0)
+    assert make_config(**read_site(written(tmp_path, ""))) == make_config()
+    table = [{"offset_m": 5.0, "heading_deg": 90}]
+    assert make_config(**read_site(written(tmp_path, LINE))).plan == make_config(plan=table).plan
+
+
+@pytest.mark.parametrize(
+    ("text", "fact"),
+    [
+        ("[site", "expected TOML text"),
+        ("[sites]\nrows = 3", "sites: not known"),
+        ("[site]\nrow = 3", r"\[site\]: expected rows, columns, got row"),
+        ("[site]\nrows = 2.5", "site_rows: expected a whole number"),
+        ("[site]\nrows = 0", "site_rows, site_columns: expected at least 1"),
+        ("[site]\nrows = 5000\ncolumns = 5000", "expected at most 10000 sites"),
+        ("site = 3", r"\[site\]: expected rows, columns, got 3"),
+        ("[scanner]\nname = 'Riegl'", "scanner: expected one of VLP-16 Hi-Res"),
+        ("[scanner]\nbeams = 3", r"\[scanner\]: expected name, got beams"),
+        ("[covering]\noverlap = 1.0", "covering: expected an overlap"),
+        (LINE + "[covering]", "covering and line: expected one of both"),
+        ("[line]\noffset_m = 0", r"expected a table \[\[line\]\]"),
+        (LINE.replace("90", "45"), "F1: expected a heading"),
+    ],
+)
+def test_what_is_no_site_is_refused_with_file_and_remedy(tmp_path, text, fact):
+    with pytest.raises(BadInput, match=rf"site\.toml: .*{fact}.*; "):
+        read_site(written(tmp_path, text))
+
+
+def test_a_site_that_is_not_there(tmp_path):
+    with pytest.raises(BadInput, match=r"none\.toml: no such file"):
+        read_site(tmp_path / "none.toml")

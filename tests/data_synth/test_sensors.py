@@ -4,16 +4,18 @@ import numpy as np
 import pytest
 
 from data_synth.sensors import (
-    FIRING_ORDER,
     HALF_SWATH,
     LASER_PERIOD,
     N_RINGS,
+    SCANNERS,
     SEQUENCE_PERIOD,
+    VLP16_HIRES,
     azimuth_at,
     fire,
-    vlp16_hires,
 )
+from paperrepro.flight.mounting import beams_named
 
+FIRING_ORDER = VLP16_HIRES.firing_order
 START, DURATION = 1002.0, 3.0
 
 
@@ -28,13 +30,30 @@ def thin():
 
 
 def test_beams():
-    elevations = np.degrees(vlp16_hires().beam_elevations)
+    elevations = np.degrees(VLP16_HIRES.specification.beam_elevations)
     np.testing.assert_allclose(elevations[[0, -1]], (-10.0, 10.0))
     np.testing.assert_allclose(np.diff(elevations), 4.0 / 3.0)
 
 
 def test_lower_and_upper_half_take_turns():
     assert FIRING_ORDER.tolist() == [0, 8, 1, 9, 2, 10, 3, 11, 4, 12, 5, 13, 6, 14, 7, 15]
+
+
+@pytest.mark.parametrize("name", SCANNERS)
+def test_scanners_are_those_that_an_operator_names(name):
+    beams = np.degrees(SCANNERS[name].specification.beam_elevations)
+    np.testing.assert_allclose(beams, beams_named(name), atol=1e-12)
+
+
+def test_a_scanner_of_32_beams():
+    """700000 points a second; lower and upper half take turns, too."""
+    model = SCANNERS["HDL-32E"]
+    pulses = fire(START, DURATION, model=model)
+    whole = len(pulses) / DURATION * np.pi / HALF_SWATH
+    assert whole == pytest.approx(700_000, rel=0.02)
+    first = np.sort(pulses.time[pulses.ring == 0])[:2]
+    assert np.diff(first) == pytest.approx(46.08e-6, abs=1e-11)
+    np.testing.assert_array_equal(model.firing_order[:4], (0, 16, 1, 17))
 
 
 def test_times_within_and_between_sequences(full):

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from data_synth import ObjectClass
 from data_synth.recording import DUST_SHARE
 from data_synth.sensors import azimuth_at
+from paperrepro.errors import BadInput
 from paperrepro.method.georeference import georeference
 from paperrepro.survey import Rays
 
@@ -184,3 +185,30 @@ def test_reference_is_shifted_as_a_whole(exact, noisy):
     shift, *_ = np.linalg.lstsq(normal, offset, rcond=None)
     assert np.std(offset - normal @ shift) < 0.01
     assert 0.01 < np.linalg.norm(shift) < 0.4
+
+
+def test_another_scanner_over_a_larger_site(thin):
+    """32 beams, a row of houses more, two lines of which each has its height; the reference
+    reaches as far as the houses do."""
+    plan = [
+        {"offset_m": -20.0, "heading_deg": 0, "length_m": 60.0},
+        {"offset_m": 20.0, "heading_deg": 180, "length_m": 60.0, "height_m": 45.0},
+    ]
+    survey, truth = thin(
+        site_rows=6, site_columns=9, scanner="HDL-32E", plan=plan, beam_elevation_sigma_deg=0.0
+    )
+    assert survey.scanner.n_rings == len(truth.range_offsets) == 32
+    assert {len(np.unique(strip.ring)) for strip in survey.strips} == {32}
+    assert len({face.building for face in truth.faces}) == 6 * 9 - 6 * 9 // 5
+    for k in (0, 1):
+        residual, *_ = on_faces(truth.motion, survey, truth, k)
+        assert len(residual) > 100
+        assert np.abs(residual).max() < 1e-9
+    houses = np.array([face.centroid for face in truth.faces])
+    cells = {tuple(cell) for cell in np.floor(survey.reference[:, :2] / 5.0).astype(int)}
+    assert all(tuple(cell) in cells for cell in np.floor(houses[:, :2] / 5.0).astype(int))
+
+
+def test_a_line_beside_the_site_is_refused(thin):
+    with pytest.raises(BadInput, match="line away: no pulse meets anything"):
+        thin(plan=[{"name": "away", "offset_m": 2000.0, "heading_deg": 0}])

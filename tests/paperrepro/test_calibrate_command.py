@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from data_synth.operator import Site, write_survey
+from data_synth.raycast import Raycaster
+from data_synth.scene import ObjectClass
 from paperrepro.cli import main
 from paperrepro.flight.sbet import read_accuracy
 from paperrepro.frames import boresight_matrix
@@ -203,3 +205,97 @@ def test_too_few_planes_is_exit_one(folder, tmp_path, capfd, monkeypatch):
     assert calibrate(folder, tmp_path / "out", "--planes", "any") == 1
     assert "at least 4" in capfd.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def points(folder, flown):
+    """CSV of 12 points on the ground, from the reference cloud's own lines, and one far away."""
+    site, scene = Site(-25.75, -49.4, 900.0, None), flown.truth.scene
+    xy = np.random.default_rng(0).uniform(-1, 1, (60, 2)) * 40
+    origin = np.column_stack([xy, np.full(60, 60.0)])
+    distance, triangle = Raycaster(scene).cast(origin, np.tile([0.0, 0.0, -1.0], (60, 1)))
+    on = np.flatnonzero(scene.triangle_class[triangle] == ObjectClass.GROUND)[:12]
+    p_m = np.column_stack([xy, 60.0 - distance])[on]
+    rows = [f"P{k},{x!r},{y!r},{z!r},0.01" for k, (x, y, z) in enumerate(site.mapped(p_m).tolist())]
+    x, y, z = site.mapped(np.array([[2000.0, 0.0, 0.0]]))[0].tolist()
+    path = folder / "points.csv"
+    path.write_text("\n".join(["name,x,y,z,sigma", *rows, f"far,{x!r},{y!r},{z!r},0.01"]) + "\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def checked(folder, points, tmp_path_factory):
+    out = tmp_path_factory.mktemp("checked") / "calibrated"
+    more = ["--checkpoints", str(points), "--control", str(points), "--write-trajectory"]
+    assert calibrate(folder, out, *more) == 0
+    return out
+
+
+def test_heights_over_checkpoints_reach_file_and_report(checked):
+    found = json.loads((checked / "calibration.json").read_text())
+    heights = found["checkpoints"]
+    assert heights["off_strips"] == ["far"]
+    assert [point["name"] for point in heights["points"]] == [*(f"P{k}" for k in range(12)), "far"]
+    for cloud in ("before", "mounting", "trajectory"):
+        said, offsets = heights[cloud], [p[f"{cloud}_m"] for p in heights["points"]]
+        offsets = np.array([offset for offset in offsets if offset is not None])
+        assert said["n"] == len(offsets) >= 9
+        assert said["mean_m"] == pytest.approx(offsets.mean())
+        assert said["rmse_m"] == pytest.approx(np.sqrt(np.mean(offsets**2)))
+        assert said["at_95_m"] == pytest.approx(1.96 * said["rmse_m"])
+    # the same points are control: the adjusted cloud goes through them
+    assert heights["trajectory"]["rmse_m"] < 0.015
+    assert heights["trajectory"]["rmse_m"] < heights["before"]["rmse_m"]
+    assert any(words.startswith("Control: Points not used") for words in found["remarks"])
+    page = (checked / "report.html").read_text()
+    assert 'id="checkpoints"' in page
+    assert "off the strips" in page
+
+
+def test_apply_says_the_same_of_its_checkpoints(folder, points, checked, tmp_path, capsys):
+    capsys.readouterr()
+    arguments = [
+        "apply", *(str(folder / f"{name}.laz") for name in ("F1", "F2", "F7", "F8")),
+        "--trajectory", str(folder / "mission.sbet"), "--mounting", str(folder / "mounting.toml"),
+        "--calibration", str(checked / "calibration.json"), "--checkpoints", str(points),
+    ]  # fmt: skip
+    assert main([*arguments, "--out", str(tmp_path / "all")]) == 0
+    said = capsys.readouterr().out
+    heights = json.loads((checked / "calibration.json").read_text())["checkpoints"]
+    for cloud in ("before", "mounting", "trajectory"):
+        rmse = f"RMSE {100 * heights[cloud]['rmse_m']:.1f} cm"
+        assert re.search(rf"{cloud} +n {heights[cloud]['n']}, .*{rmse}", said)
+    assert main([*arguments, "--out", str(tmp_path / "some"), "--mounting-only"]) == 0
+    assert "trajectory" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "fact"),
+    [
+        (None, "no such file"),
+        ("", "expected a table with a head line"),
+        ("name,x,y,z\nA,1,2,3\n", "sigma missing"),
+        ("name,x,y,z,sigma\n", "no row in it"),
+        ("name,x,y,z,sigma\nA,1,2,high,0.01\n", "column z, row 1"),
+        ("name,x,y,z,sigma\nA,1,2,3,0\n", "sigma of A: expected metres above 0"),
+        ("name,x,y,z,sigma\nA,1,2,3,0.1\nA,1,2,3,0.1\n", "name 'A'"),
+        ("name,x,y,z,sigma\nA,1e12,1e12,3,0.1\n", "--crs|lies outside"),
+    ],
+)
+def test_points_that_cannot_be_read(folder, tmp_path, capsys, text, fact):
+    path = tmp_path / "points.csv"
+    if text is not None:
+        path.write_text(text)
+    assert calibrate(folder, tmp_path / "out", "--checkpoints", str(path)) == 2
+    said = capsys.readouterr().err
+    assert re.search(fact, said), said
+    assert len(said.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_control_beside_the_strips_is_refused(folder, points, tmp_path, capsys):
+    path = tmp_path / "points.csv"
+    lines = points.read_text().splitlines()
+    path.write_text("\n".join([lines[0], lines[-1]]) + "\n")
+    assert calibrate(folder, tmp_path / "out", "--control", str(path)) == 2
+    assert "none of 1 points lies on even ground" in capsys.readouterr().err

@@ -143,3 +143,17 @@ with written_whole(out) as draft:
     done = subprocess.run([sys.executable, "-c", code, str(out)], capture_output=True, text=True)
     assert "KeyboardInterrupt" in done.stderr
     assert {path.name: path.read_text() for path in out.iterdir()} == dict.fromkeys("abc", "old")
+
+
+def test_what_is_there_stays_where_it_must_not_be_replaced(tmp_path):
+    (tmp_path / "one").write_text("old")
+
+    def write():
+        with written_whole(tmp_path, replace=False) as draft:
+            (draft / "one").write_text("new")
+            (draft / "two").write_text("new")
+
+    with pytest.raises(BadInput, match=r"holds one already; .*--force"):
+        write()
+    assert [path.name for path in tmp_path.iterdir()] == ["one"]
+    assert (tmp_path / "one").read_text() == "old"

@@ -66,9 +66,26 @@ def _require_planes_in_place(truth, flight):
         (["--scale", "0"], "scale"),
         (["--preset", "other"], "preset"),
         (["--seed", "-1"], "seed"),
+        (["--site", "none.toml"], "none.toml: no such file"),
     ],
 )
 def test_what_cannot_be_simulated(tmp_path, capsys, options, fact):
     assert main(["simulate", "--out", str(tmp_path / "a" / "b"), *options]) == 2
     assert fact in capsys.readouterr().err
     assert not (tmp_path / "a").exists()
+
+
+def test_a_site_of_one_s_own_goes_through_the_files(tmp_path):
+    """Another scanner, two lines of a small site: what is read is what was flown."""
+    site = tmp_path / "site.toml"
+    site.write_text(
+        "[site]\nrows = 1\ncolumns = 2\n[scanner]\nname = 'HDL-32E'\n"
+        "[[line]]\noffset_m = 10\nheading_deg = 90\nlength_m = 40\nheight_m = 25\n"
+        "[[line]]\nname = 'back'\noffset_m = -10\nheading_deg = 270\nlength_m = 40\n"
+    )
+    out = simulated(tmp_path / "out", "--site", str(site), "--noise-scale", "0")
+    assert {path.name for path in out.glob("*.laz")} == {"F1.laz", "back.laz"}
+    flight = read_flight(sorted(out.glob("*.laz")), out / "mission.sbet", out / "mounting.toml")
+    assert flight.survey.scanner.n_rings == 32
+    assert len(json.loads((out / "truth.json").read_text())["range_offsets_m"]) == 32
+    assert main(["simulate", "--out", str(out), "--site", str(site)]) == 2

@@ -265,6 +265,7 @@ def _result(
     planes, Q_planes = _planes_in_map(model, state, Q)
     chi2 = solution.data.chi2 + prior_chi2(model, noise, state)
     dof = len(tie_planes.rays) + np.count_nonzero(model.pseudo_weight) - len(Q) + 6
+    dof += int(tie_planes.controlled.sum())
     beams = _beams(unknowns, state.x, Q)
     mounting = replace(unknowns.mounting, beam_offsets=beams.errors if beams else None)
     rays = mounting.pointed(tie_planes.rays)

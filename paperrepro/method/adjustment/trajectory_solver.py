@@ -378,6 +378,7 @@ def eliminate(data: DataNormals, model: TrajectoryModel, noise: Noise, state: St
         places.append(where)
     last = np.arange(total - b, total)
     S[last, last] = 1.0  # after the last window none is
+    _add_control(model, state, S, t)
     own = np.r_[:u, Y - N_COMPONENTS : Y]
     weight = np.concatenate([model.pseudo_weight, noise.constant_weight])
     S[own, own] += weight
@@ -390,6 +391,29 @@ def eliminate(data: DataNormals, model: TrajectoryModel, noise: Noise, state: St
         dz, Y, factor, scale, model.windows, tuple(steps), tuple(places), state.error.shape,
         log_det, decrement - float(t @ dz),
     )  # fmt: skip
+
+
+def _control(model: TrajectoryModel, planes: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Planes (C,) through control points, by how much they miss these, (C,) m up, the derivatives
+    (C, 3) by the planes' unknowns, and weights (C,) 1 / m²."""
+    at = np.flatnonzero(model.tie_planes.controlled)
+    if not len(at):
+        return at, np.empty(0), np.empty((0, 3)), np.empty(0)
+    *point, sigma = model.tie_planes.control[at].T
+    step = np.transpose(point) - model.origin[at]
+    n, bases = planes[at, :3], model.bases(planes)[at]
+    up = n[:, 2]
+    miss = (np.einsum("ca,ca->c", n, step) - planes[at, 3]) / up
+    A = np.einsum("ca,cab->cb", step, bases[:, :3]) - bases[:, 3] - miss[:, None] * bases[:, 2]
+    return at, miss, A / up[:, None], sigma**-2.0
+
+
+def _add_control(model: TrajectoryModel, state: "State", S: np.ndarray, t: np.ndarray) -> None:
+    """Add to normal equations that each control point lies on its plane."""
+    for g, miss, a, weight in zip(*_control(model, state.planes), strict=True):
+        own = len(state.x) + 3 * g + np.arange(3)
+        S[np.ix_(own, own)] += weight * np.outer(a, a)
+        t[own] += weight * miss * a
 
 
 def _node_priors(model: TrajectoryModel, noise: Noise, state: State) -> list[NodePrior]:
@@ -418,6 +442,8 @@ def prior_chi2(model: TrajectoryModel, noise: Noise, state: State) -> float:
     total = float(model.pseudo_weight @ np.square(state.x))
     total += float(noise.constant_weight @ np.square(state.constant))
     total += noise.surface_weight * float(np.square(state.surface).sum())
+    _, miss, _, weight = _control(model, state.planes)
+    total += float(weight @ np.square(miss))
     for k, process in enumerate(noise.processes):
         diagonal, beside, _ = process.information(model.nodes.time)
         e = state.error[:, k]

@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 
 from paperrepro import figures
-from paperrepro.figures import accuracy, calibration, refinement, roofs, survey
+from paperrepro.figures import accuracy, calibration, flight, refinement, roofs, survey
 from paperrepro.method.accuracy import Distribution, ground_spread, ring_spread
 from paperrepro.method.georeference import georeference
 from paperrepro.paper.published import TABLE1
@@ -264,6 +264,17 @@ def test_sliders_are_a_picture_where_nothing_runs():
     pixels = plt.imread(BytesIO(base64.b64decode(shown["image/png"])))
     assert pixels.shape[1] == 2 * about["image/png"]["width"]
     assert "VBox" not in shown["text/plain"]
+
+
+def test_a_difference_image_has_the_mean_of_each_cell(ax):
+    """East to the right, north up, and nothing where no point is."""
+    p_m = np.array([[0.0, 0.0, 5.0], [0.5, 0.5, 5.0], [2.5, 0.5, 5.0], [0.5, 1.5, 5.0]])
+    image = flight.difference_image(ax, p_m, np.array([0.01, 0.03, -0.05, 0.07]), 0.1)
+    values = np.ma.filled(image.get_array(), np.nan)
+    np.testing.assert_allclose(values[:2, :3], [[2, np.nan, -5], [7, np.nan, np.nan]])
+    assert image.origin == "lower"
+    assert image.get_extent()[0] == image.get_extent()[2] == 0.0
+    assert image.get_clim() == (-10.0, 10.0)
 
 
 def test_ground_spread_is_that_within_cells():

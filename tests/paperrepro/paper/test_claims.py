@@ -28,6 +28,7 @@ from paperrepro.paper.verdicts import (
     VERDICTS,
 )  # fmt: skip
 from paperrepro.study.rows import (
+    ADJUSTED,
     ARTEFACT,
     AS_MANY,
     BOUND,
@@ -46,6 +47,7 @@ from paperrepro.study.rows import (
     SCREENED,
     SEGMENTATION,
     SPECIFIED,
+    TRUTH,
     WRONG,
     SurveyKey,
     frame,
@@ -76,9 +78,13 @@ USUAL = {
     ("all", "views"): 80, ("all", "pairs"): 130, ("all", "planes"): 24,
     ("all", "density"): 190.0, ("all", "density_below"): 300.0, ("all", "false_pairs"): 0,
     ("all", "rejected"): 0, ("all", "false_views"): 0, ("all", "small_angle_shift"): 0.02,
+    (TRUTH, "rms_3d"): 0.06, (FOUND, "rms_3d"): 0.058, (ADJUSTED, "rms_3d"): 0.03,
+    (ADJUSTED, "covered_observed"): 0.95, (ADJUSTED, "covered_gaps"): 0.95,
 }  # fmt: skip
 #: What it takes to show coverage.
 MANY_SEEDS = 60
+#: Scenarios that have no other metrics than `USUAL` says.
+OF_ITS_OWN = ("all", SEGMENTATION, ADJUSTED)
 COUNTS = {"unknowns", "planes", "false_pairs", "false_views", "rejected", "views", "pairs"}
 
 
@@ -106,7 +112,7 @@ def usual_rows():
 
     for seed in range(1, MANY_SEEDS + 1):
         run = SurveyKey("mount", "quick", 1.0, seed)
-        for name, metric in (key for key in USUAL if key[0] in ("all", SEGMENTATION)):
+        for name, metric in (key for key in USUAL if key[0] in OF_ITS_OWN or key[1] == "rms_3d"):
             add(run, name, metric, metric)
         for metric in ("false_pairs", "rejected"):
             add(run, "before", metric, metric)
@@ -273,6 +279,9 @@ def flips():
     below("ours-per-pair", (C + REFINED,), C + PER_PAIR, "error", 0.01, 0.02)
     turn("ours-screened", [(n + SCREENED, "error") for n in FEW.values()], 0.011, 0.1)
     turn("ours-lever-arm", (LEVER_ARM, "lever_arm"), 0.01, 0.04)
+    turn("ours-trajectory", (ADJUSTED, "rms_3d"), 0.025, 0.05)
+    where = [(ADJUSTED, "covered_observed"), (ADJUSTED, "covered_gaps")]
+    turn("ours-corrections", where, 0.95, 0.6)
     return table  # fmt: skip
 
 
@@ -434,10 +443,10 @@ def test_what_one_of_three_lacks_keeps_a_claim_from_holding():
 
 def test_a_verdict_that_all_points_of_a_face_turn_says_so():
     many = study({(MANY[x], "nees"): 50.0 for x in FEW if x != "A"})
-    finding = line(many, "sigma-standardised", claims.judged)
+    finding = line(many, "sigma-standardised", claims.Claim.judged)
     assert finding.verdict == HOLDS
     assert "with all points of a face: holds under conditions" in finding.condition
-    alike = line(study(), "sigma-standardised", claims.judged)
+    alike = line(study(), "sigma-standardised", claims.Claim.judged)
     assert "all points" not in alike.condition
 
 
@@ -447,6 +456,33 @@ def test_surveys_that_do_not_decide_are_not_a_verdict():
     assert finding.verdict == UNDECIDED
     assert finding.condition.startswith("undecided")
     assert np.isfinite(finding.measured)
+
+
+def test_a_trajectory_that_helps_in_the_median_must_help_in_each():
+    """One survey of twenty beyond the limit leaves the second part open, six contradict it."""
+    one, six = (
+        line(study({(ADJUSTED, "rms_3d"): Mix(0.03, 0.055, some)}), "ours-trajectory")
+        for some in (1, 6)
+    )
+    assert (one.verdict, six.verdict) == (CONDITIONS, FAILS)
+    assert "each: undecided at mount × 1: met in 19 of 20" in one.condition
+    assert "each: not at mount × 1: met in 14 of 20" in six.condition
+    assert "limit 0.600, largest 0.9" in one.condition
+    assert "by D's mounting alone" in one.condition
+    assert one.measured == pytest.approx(0.5, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("where", "share"),
+    [("covered_observed", 1.0), ("covered_observed", 0.85), ("covered_gaps", 0.8)],
+)
+def test_corrections_must_hold_at_observed_times_and_in_gaps(where, share):
+    """Intervals that always hold the truth are too wide."""
+    finding = line(study({(ADJUSTED, where): share}), "ours-corrections")
+    assert finding.verdict == CONDITIONS
+    judge = {"covered_observed": "observed", "covered_gaps": "gaps"}[where]
+    assert f"{judge}: holds" not in finding.condition
+    assert f"{judge}: {'undecided' if share == 1.0 else 'not'} at mount × 1" in finding.condition
 
 
 def failures(scenario, seeds, of=FAILED):

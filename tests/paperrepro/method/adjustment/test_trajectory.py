@@ -27,6 +27,7 @@ from paperrepro.method.adjustment.trajectory_solver import (
     _turned,
     eliminate,
     iterate,
+    prior_chi2,
 )
 from paperrepro.method.adjustment.trajectory_windows import windows
 from paperrepro.method.georeference import georeference
@@ -193,6 +194,39 @@ def test_elimination_equals_the_dense_system(small):
     assert step.log_det == pytest.approx(np.linalg.slogdet(N)[1] - rough, abs=1e-3)
     fall = t @ np.linalg.solve(N, t) - (chi2 - data.chi2)
     assert step.decrement == pytest.approx(fall, rel=1e-4)
+
+
+def test_control_points_equal_the_dense_system(small):
+    """Planes that go through known points within 5 mm and 2 cm: by differences of how far up the
+    points lie over the planes."""
+    free, state = small
+    G, u = len(state.planes), len(state.x)
+    control = np.full((G, 4), np.nan)
+    control[1] = [*free.origin[1] + [0.4, -0.3, 0.05], 0.005]
+    control[G - 1] = [*free.origin[-1] + [-0.2, 0.5, -0.02], 0.02]
+    model = replace(free, tie_planes=replace(free.tie_planes, control=control))
+
+    def heights(turns):
+        planes = _turned(state.planes, free.bases(state.planes), turns.reshape(-1, 3))
+        step = control[[1, -1], :3] - free.origin[[1, -1]]
+        plane = planes[[1, -1]]
+        return (np.einsum("ca,ca->c", plane[:, :3], step) - plane[:, 3]) / plane[:, 2]
+
+    h, at, weight = 1e-6, u + np.arange(3 * G), control[[1, -1], 3] ** -2.0
+    A = [(heights(h * e) - heights(-h * e)) / (2 * h) for e in np.eye(3 * G)]
+    A, miss = np.transpose(A), heights(np.zeros(3 * G))
+    N, t, ends, _ = dense_normals(free, NOISE, state)
+    N[np.ix_(at, at)] += A.T @ (weight[:, None] * A)
+    t[at] += A.T @ (weight * miss)
+    step, Q = eliminate(model.normals(state, NOISE), model, NOISE, state), np.linalg.inv(N)
+    sigma, size = np.sqrt(np.diag(Q)), ends[2]
+    np.testing.assert_allclose(step.dy / sigma[:size], -(Q @ t)[:size] / sigma[:size], atol=1e-4)
+    outer = np.outer(sigma[:size], sigma[:size])
+    np.testing.assert_allclose(step.Q_y / outer, Q[:size, :size] / outer, atol=1e-4)
+    without = eliminate(free.normals(state, NOISE), free, NOISE, state)
+    assert np.abs(without.dy - step.dy).max() > 1e-3  # it does say something
+    more = prior_chi2(model, NOISE, state) - prior_chi2(free, NOISE, state)
+    assert more == pytest.approx(weight @ miss**2)
 
 
 def test_gradient_of_the_likelihood_is_that_of_its_values(small):
