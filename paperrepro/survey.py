@@ -164,13 +164,16 @@ class Navigation:
 class Mounting:
     """How the scanner sits in the body: ``R_nominal`` l to b, ``lever_arm`` (3,) m b-frame,
     ``boresight`` (3,) rad omega, phi, kappa; ``range_offsets`` (rings,) m, and ``beam_offsets``
-    (rings, 2) rad to elevations and azimuths of the beams, or None for zeros."""
+    (rings, 2) rad to elevations and azimuths of the beams, or None for zeros. ``known_to``, rad:
+    standard deviation of the boresight before the flight, about none, or None where the flight
+    alone is to tell."""
 
     R_nominal: np.ndarray = field(default_factory=R_NOMINAL.copy)
     lever_arm: np.ndarray = field(default_factory=lambda: np.zeros(3))
     boresight: np.ndarray = field(default_factory=lambda: np.zeros(3))
     range_offsets: np.ndarray | None = None
     beam_offsets: np.ndarray | None = None
+    known_to: float | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "R_nominal", require_rotation(self.R_nominal, "mounting rotation"))
@@ -185,6 +188,11 @@ class Mounting:
     def R_l_b(self) -> np.ndarray:
         """(3, 3), boresight applied."""
         return boresight_matrix(self.boresight, self.R_nominal)
+
+    @property
+    def boresight_weight(self) -> np.ndarray:
+        """(3,) rad^-2, of the pseudo-observation that the boresight is none."""
+        return np.zeros(3) if self.known_to is None else np.full(3, self.known_to**-2.0)
 
     def offsets(self, n_rings: int) -> np.ndarray:
         """At least (n_rings,) m. Raises `BadInput` where the mounting knows fewer rings."""

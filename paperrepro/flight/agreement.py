@@ -46,7 +46,9 @@ def require_agreement(survey: Survey, tie_planes: TiePlanes, trajectory: str) ->
         return
     found = [(_disagreement(survey, turned), h) for h, turned in _unseen(survey, tie_planes)]
     found = [(rms, hypothesis) for rms, hypothesis in found if rms is not None]
-    rms, hypothesis = min(found, key=lambda one: one[0], default=(np.inf, None))
+    if not found:
+        return
+    rms, hypothesis = min(found, key=lambda one: one[0])
     if 2 * len(tie_planes.ranges) * np.log(plain / rms) > EVIDENCE:
         raise BadInput(
             f"{trajectory}: {hypothesis.what}: so the strips would agree to {100 * rms:.1f} cm, as "

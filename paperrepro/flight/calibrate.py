@@ -16,9 +16,10 @@ from paperrepro.flight.read import Flight
 from paperrepro.method.accuracy import PairDistances, overlaps, pair_distances
 from paperrepro.method.adjustment.calibrate import calibrate
 from paperrepro.method.adjustment.model_checks import Check, model_checks
-from paperrepro.method.adjustment.observability import AXIS_WORDS
+from paperrepro.method.adjustment.observability import AXIS_WORDS, WIDEST_SIGMA
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.scenarios import by_name
+from paperrepro.method.adjustment.trajectory_equations import DETERMINED
 from paperrepro.method.adjustment.trajectory_errors import few_planes, find_noise
 from paperrepro.method.coarse_to_fine import (
     Candidates,
@@ -169,7 +170,13 @@ def calibrate_flight(
     tied = found.tie_planes
     if control is not None:
         tied = _controlled(survey, tied, control, found.boresights[-1], remarks)
-    result, tie_planes = _adjust(survey, tied, scenario, found.boresights[-1], lever_arm)
+    try:
+        result, tie_planes = _adjust(survey, tied, scenario, found.boresights[-1], lever_arm)
+    except RankDefect as error:
+        given = survey.mounting
+        survey = replace(survey, mounting=replace(given, known_to=WIDEST_SIGMA))
+        result, tie_planes = _adjust(survey, tied, scenario, found.boresights[-1], lever_arm)
+        remarks.append(_held(result, error))
     if of_trajectory and len(set(tie_planes.strips)) < ENOUGH_STRIPS:
         remarks.append(
             f"The trajectory's noise was taken as specified, to a factor of three: "
@@ -211,6 +218,22 @@ def _controlled(
     if off or uneven:
         remarks.append(f"Control: {left_out(off, uneven)}")
     return tied
+
+
+def _held(result: CalibrationResult, why: RankDefect) -> str:
+    """What the nominal mounting had to say because the flight does not. Raises ``why`` where the
+    flight says nothing."""
+    axes = np.array(AXIS_WORDS)[result.sigma > DETERMINED * WIDEST_SIGMA]
+    if len(axes) == 3:
+        raise why
+    reason = str(why).split(";")[0]
+    taken = f"the nominal mounting is taken as right to {np.rad2deg(WIDEST_SIGMA):.0f}°"
+    if not len(axes):
+        return f"Since {reason}, {taken}; sigma say what the flight adds to that."
+    held = " and ".join(axes)
+    return (
+        f"This flight does not determine the boresight's {held}: {taken} and holds it ({reason})."
+    )
 
 
 def _constants(result: CalibrationResult) -> list[str]:

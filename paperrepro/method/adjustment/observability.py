@@ -112,7 +112,7 @@ def _offsets_determined(S_data: np.ndarray, weight: np.ndarray) -> int:
 
 def require_determined(seen: Observability) -> None:
     """Raise `RankDefect` where a direction of the boresight is wider than `WIDEST_SIGMA`."""
-    if seen.weakest_sigma > WIDEST_SIGMA:
+    if seen.weakest_sigma > WIDEST_SIGMA * (1 + 1e-9):
         sigma = min(np.rad2deg(seen.weakest_sigma), 999.0)
         raise RankDefect(
             f"these strips and planes do not determine the boresight's {seen.weakest_word}: its "

@@ -155,7 +155,8 @@ class _Model:
         unknowns = Unknowns.layout(survey.mounting, survey.scanner.n_rings, scenario.range_offsets)
         rays, x = PreparedRays.of(tie_planes.rays), unknowns.start()
         planes = face_states(rays, tie_planes.plane_ranges, unknowns, x)
-        require_spread(planes.plane[:, :3])
+        if survey.mounting.known_to is None:
+            require_spread(planes.plane[:, :3])
         states = last_value(lambda at: face_states(rays, tie_planes.ranges, unknowns, at))
         few = tie_planes.thinned(scenario.points) if scenario.points else tie_planes
         observed = PreparedRays.of(few.rays) if scenario.points else rays
@@ -174,9 +175,8 @@ class _Model:
             require_width(width, [f"face {k} of {tie_planes.strips[k]}" for k in reference])
             origin = planes.centroid[tie_planes.plane[search]]
             layout = origin, few.ranges[search], search, np.arange(len(search))
-        weight = np.r_[
-            np.zeros(3), np.full(unknowns.size - 3, survey.scanner.range_offset_sigma**-2.0)
-        ]
+        offset_weight = survey.scanner.range_offset_sigma**-2.0
+        weight = np.r_[survey.mounting.boresight_weight, np.full(unknowns.size - 3, offset_weight)]
         variances = observation_variances(survey.navigation, survey.scanner)
         pseudo = PriorObservations(np.zeros(unknowns.size), weight)
         given = tie_planes, scenario, unknowns, variances, rays, observed, states, planes

@@ -389,6 +389,7 @@ class TrajectoryUnknowns(Unknowns):
     def pseudo_weight(self, range_offset_sigma: float) -> np.ndarray:
         """(size,) what is known of the unknowns before the flight."""
         weight = np.zeros(self.size)
+        weight[:3] = self.mounting.boresight_weight
         weight[3 : self.kept] = range_offset_sigma**-2.0
         weight[self.lever_at] = PRIOR_SIGMA**-2.0
         weight[self.beams_at] = self.beam_sigma**-2.0 if self.beam_sigma else 0.0

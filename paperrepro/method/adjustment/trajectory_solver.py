@@ -122,7 +122,8 @@ class TrajectoryModel:
         unknowns = replace(unknowns, lever=lever_arm, clock=clock, beam_sigma=beam_sigma)
         start = unknowns.start()
         states = face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, start)
-        require_spread(states.plane[:, :3])
+        if survey.mounting.known_to is None:
+            require_spread(states.plane[:, :3])
         nodes = Nodes.covering(tie_planes.rays.time, spacing)
         variances = observation_variances(survey.navigation, survey.scanner)
         variances[:N_COMPONENTS] = 0.0  # the error that these stand for is an unknown now

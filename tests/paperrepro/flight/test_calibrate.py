@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from data_synth import make_config, simulate
 from paperrepro import _compiled
 from paperrepro.errors import BadInput
 from paperrepro.flight.calibrate import calibrate_flight
@@ -109,6 +110,24 @@ def test_passes_settle_from_two_degrees_off(flown):
     start = replace(survey, mounting=survey.mounting.with_calibration(off))
     found = find_planes(start)
     assert np.abs(np.rad2deg(found.boresights[-1] - flown.truth.boresight)).max() < 0.1
+
+
+def test_level_ground_alone_is_no_error_and_says_what_was_taken_for_known():
+    """Wide swaths at several places of the flight line tell yaw from level ground, too."""
+    config = make_config(scene="fields", ground_relief=0.0, profile="quick", seed=1)
+    survey, truth = simulate(config)
+    own = calibrate_flight(part(survey, "F1", "F2"), "D", "any")
+    assert "parallel" in own.remarks[0]
+    assert "right to 1°" in own.remarks[0]
+    assert within(own, truth)
+
+
+def test_gables_are_found_from_ten_degrees_off(few, flown):
+    off = flown.truth.boresight + np.radians([6.0, -6.0, 6.0])
+    own = calibrate_flight(replace(few, mounting=few.mounting.with_calibration(off)), "SL")
+    assert own.planes == "gables"
+    error = np.rad2deg(own.result.boresight - flown.truth.boresight)
+    assert (np.abs(error) < (0.05, 0.05, 0.1)).all()
 
 
 def test_the_distances_between_the_strips_fall_on_the_same_points(any_planes):

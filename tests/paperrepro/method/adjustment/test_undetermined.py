@@ -1,5 +1,7 @@
 """Flights that do not determine an angle say which and why; none gives a confident number."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -22,6 +24,28 @@ def test_one_heading_over_roofs_of_one_azimuth(scenario, azimuth_deg):
     seen = calibrate(survey_of(), tie_planes, scenario).observability
     assert "roll" in seen.undetermined
     assert "roll is not determined: sigma 0." in str(seen)
+
+
+def test_what_the_flight_leaves_open_the_mounting_holds():
+    tie_planes, _ = flown(1, headings=ONE_WAY, azimuth_deg=90.0, count=60)
+    survey = survey_of()
+    known = replace(survey.mounting, known_to=np.deg2rad(1.0))
+    result = calibrate(replace(survey, mounting=known), tie_planes, "A")
+    seen, sigma_deg = result.observability, np.rad2deg(result.sigma)
+    assert seen.weakest_sigma <= np.deg2rad(1.0) * (1 + 1e-9)
+    assert seen.weakest_word != "roll"
+    assert sigma_deg[0] < 0.1  # roll is told
+    assert (sigma_deg[1:] > 0.2).all()  # of yaw and pitch together nothing but the mounting's word
+
+
+def test_what_is_known_before_hardly_moves_what_the_flight_determines():
+    tie_planes, _ = flown(1, count=60)
+    survey = survey_of()
+    known = replace(survey.mounting, known_to=np.deg2rad(1.0))
+    for scenario in ("C", "D"):
+        free = calibrate(survey, tie_planes, scenario)
+        held = calibrate(replace(survey, mounting=known), tie_planes, scenario)
+        assert (np.abs(held.boresight - free.boresight) < 0.1 * free.sigma).all()
 
 
 def test_what_d_says_of_such_a_flight_is_true():
