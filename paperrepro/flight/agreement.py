@@ -20,7 +20,8 @@ from paperrepro.method.tie_planes import TiePlanes
 from paperrepro.survey import Survey
 
 #: Twice the logarithm of a likelihood ratio from which a hypothesis is taken for right, each view
-#: an independent sample; under the right reading a wrong one makes it negative.
+#: beyond the first of its plane an independent sample; under the right reading a wrong one makes it
+#: negative.
 EVIDENCE = 9.0
 #: Points of a view that are looked at together: the noise of ranges averages out, the roll stays.
 TOGETHER = 25
@@ -49,7 +50,8 @@ def require_agreement(survey: Survey, tie_planes: TiePlanes, trajectory: str) ->
     if not found:
         return
     rms, hypothesis = min(found, key=lambda one: one[0])
-    if 2 * len(tie_planes.ranges) * np.log(plain / rms) > EVIDENCE:
+    beyond = len(tie_planes.ranges) - tie_planes.n_planes - 3
+    if 2 * beyond * np.log(plain / rms) > EVIDENCE:
         raise BadInput(
             f"{trajectory}: {hypothesis.what}: so the strips would agree to {100 * rms:.1f} cm, as "
             f"given they do to {100 * plain:.1f} cm, though the rays fit either way; "
