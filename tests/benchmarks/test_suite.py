@@ -1,5 +1,7 @@
 """Peers do the same work as the package; targets follow from the rows; the picture shows them."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -159,3 +161,10 @@ def test_strips_beside_an_icp_meet_their_target_where_none_is_above(monkeypatch)
     for share, met in ((0.9, "yes"), (1.1, "no")):
         verdict = judged(rows.assign(agreement=[0.5] * (len(rows) - 1) + [share]))
         assert verdict.set_index("target").met[of] == met
+
+
+def test_the_readme_says_how_many_aims_are_missed():
+    root = Path(__file__).resolve().parents[2]
+    met = pd.read_csv(root / "figures" / "benchmarks_targets.csv").met
+    words = " ".join((root / "README.md").read_text("utf-8").split())
+    assert f"Of {len(met)} aims {(met == 'no').sum()} are missed" in words
