@@ -16,6 +16,7 @@ from paperrepro.flight import ray_test
 from paperrepro.flight.geodesy import Grid, LocalFrame
 from paperrepro.flight.ray_test import Fit, Sample
 from paperrepro.flight.sbet import Poses
+from paperrepro.frames import rotation_zyx
 from paperrepro.survey import Mounting
 
 #: Points lie within this of the trajectory, m, in plan and in height.
@@ -23,6 +24,7 @@ NEAR, STEEP = 2000.0, 1000.0
 FOOT = 0.3048
 #: UTC is behind GPS time by so much: since 2017, 2015, 2012, 2009, 2006.
 LEAP_SECONDS = (18.0, 17.0, 16.0, 15.0, 14.0)
+BODY_AXES = ("forward", "right", "down")
 #: Of all points, the share that may lie outside of the trajectory's time.
 OUTSIDE = 0.001
 
@@ -197,6 +199,16 @@ def _mounting(**change: Callable) -> Callable:
     return changed
 
 
+def _turn(axis: int, degrees: int) -> Hypothesis:
+    """The scanner sits a quarter or half turn about a body axis from where the mounting says."""
+    turn, name = rotation_zyx(*np.radians(degrees) * np.eye(3)[axis]).round(), BODY_AXES[axis]
+    return Hypothesis(
+        "mounting", f"the rotation is off by {degrees} degrees about the body's axis {name}",
+        f"multiply it from the left by {turn.astype(int).tolist()}",
+        _mounting(R_nominal=lambda rotation: turn @ rotation),
+    )  # fmt: skip
+
+
 def _grid_heading(evidence: Evidence) -> Evidence:
     poses, grid = evidence.poses, evidence.samples[0].grid
     turned = grid.convergence(poses.latitude, poses.longitude)
@@ -274,6 +286,7 @@ TABLE = (
     Hypothesis("mounting", "the rotation is transposed (b to l)",
                "give l to b: rows are body forward, right, down",
                _mounting(R_nominal=np.transpose)),
+    *(_turn(axis, degrees) for degrees in (90, -90, 180) for axis in range(3)),
     Hypothesis("mounting", "the lever arm points from the laser to the GNSS/INS", "turn its signs",
                _mounting(lever_arm=np.negative)),
     Hypothesis("mounting", "the lever arm stands in forward, left, up",

@@ -2,6 +2,8 @@
 written.
 """
 
+import tomllib
+
 import laspy
 import numpy as np
 import pytest
@@ -9,6 +11,8 @@ import pytest
 from data_synth.operator import Site
 from paperrepro.cli import main
 from paperrepro.flight.geodesy import Grid
+from paperrepro.frames import rotation_zyx
+from paperrepro.method.georeference import georeference_strip
 
 
 def refused(folder, capsys, *facts, out=None, **given):
@@ -386,3 +390,35 @@ def test_strips_in_two_datums(folder, capsys):
     written = folder()
     written.change_strips(other, ["F2"])
     refused(written, capsys, "F2.laz", "datum")
+
+
+@pytest.mark.parametrize(("axis", "degrees"), [("right", 90)])
+def test_a_mounting_off_by_a_quarter_turn(folder, capsys, axis, degrees):
+    written = folder()
+    turned(written, axis, degrees)
+    words = f"{degrees} degrees about the body's axis {axis}"
+    refused(written, capsys, "mounting.toml", words, "multiply it from the left")
+
+
+@pytest.mark.parametrize(("axis", "degrees"), [("forward", 90), ("right", 180)])
+def test_a_turn_that_moves_no_point_is_none(folder, axis, degrees):
+    """About the spin axis, forward here, it changes azimuths alone; half a turn of that axis the
+    order of the rings."""
+    written = folder()
+    before = written.read().survey
+    turned(written, axis, degrees)
+    after = written.read().survey
+    for one, other in zip(before.strips, after.strips, strict=True):
+        np.testing.assert_allclose(
+            georeference_strip(after, other), georeference_strip(before, one), atol=1e-6
+        )
+
+
+def turned(written, axis, degrees):
+    """The mounting is such that the turn would put it right."""
+    text = written.mounting.read_text()
+    given = np.array(tomllib.loads(text)["nominal"]["rotation"])
+    k = ("forward", "right", "down").index(axis)
+    wrong = rotation_zyx(*-np.radians(degrees) * np.eye(3)[k]).round() @ given
+    line = next(line for line in text.splitlines() if line.startswith("rotation"))
+    written.mounting.write_text(text.replace(line, f"rotation = {wrong.tolist()}"))
