@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from paperrepro.errors import BadInput, NoConvergence
+from paperrepro.method.adjustment.block_cholesky import BlockCholesky
 from paperrepro.method.adjustment.conditions import (
     FINAL,
     MAX_ITERATIONS,
@@ -256,14 +256,13 @@ class DataNormals:
 class Step:
     """One elimination: corrections ``dz`` (T,) of x, planes, constants, then separators, of which
     the first ``size`` are y, and what leads back: ``factor`` of the matrix (T, T) that the windows
-    leave, scaled by ``scale`` (T,) to a diagonal of ones; ``steps`` of the windows and ``where``
-    (r,) in T what each leaves is; ``shape`` (K, P, 6) of the errors; ``log_det`` of all;
+    leave; ``steps`` of the windows and ``where`` (r,) in T what each leaves is; ``shape``
+    (K, P, 6) of the errors; ``log_det`` of all;
     ``decrement``: by how much the step lowers the sum of squares."""
 
     dz: np.ndarray
     size: int
-    factor: np.ndarray
-    scale: np.ndarray
+    factor: BlockCholesky
     windows: tuple[Window, ...]
     steps: tuple[WindowStep, ...]
     where: tuple[np.ndarray, ...]
@@ -283,9 +282,12 @@ class Step:
 
     def columns(self, count: int) -> np.ndarray:
         """The first columns (T, count) of ``Q``."""
-        right = np.zeros((len(self.scale), count))
-        np.fill_diagonal(right, self.scale)
-        return self.scale[:, None] * cho_solve((self.factor, True), right)
+        return self.factor.solve(np.eye(len(self.dz), count))
+
+    @cached_property
+    def _blocks(self) -> list[np.ndarray]:
+        """Of ``Q``, the part (r, r) of each window."""
+        return self.factor.inverse_blocks()
 
     @cached_property
     def _moved(self) -> tuple[np.ndarray, np.ndarray]:
@@ -336,7 +338,7 @@ class Step:
         u = len(fixed) - N_COMPONENTS
         right[:u] += fixed[:u]
         right[self.size - N_COMPONENTS : self.size] += fixed[u:]
-        solution = self.scale[:, None] * cho_solve((self.factor, True), self.scale[:, None] * right)
+        solution = self.factor.solve(right)
         return out + right.T @ solution, solution[:u]
 
     def covariance(self, further: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -345,10 +347,9 @@ class Step:
         K, b = self.shape[0], self.shape[1] * self.shape[2]
         other = (np.arange(b) + further * N_COMPONENTS) % b
         variance, beside, surface = np.empty((K, b)), np.empty((K, b)), self.d_surface.copy()
-        for w, step, where in zip(self.windows, self.steps, self.where, strict=True):
+        for w, step, Q in zip(self.windows, self.steps, self._blocks, strict=True):
             begin, end = w.nodes
-            Q = self.Q[np.ix_(where, where)]
-            variance[begin] = self.Q[where[:b], where[other]]
+            variance[begin] = Q[np.arange(b), other]
             variance[begin + 1 : end], beside[begin:end], surface[w.faces] = step.covariance(
                 Q, other
             )
@@ -360,7 +361,7 @@ def eliminate(data: DataNormals, model: TrajectoryModel, noise: Noise, state: St
     u, n_planes, b = len(state.x), len(state.planes), state.error[0].size
     Y = u + 3 * n_planes + N_COMPONENTS
     total = Y + b * (len(model.windows) + 1)
-    S, t = np.zeros((total, total)), np.zeros(total)
+    parts, t = [], np.zeros(total)
     steps, places, log_det, decrement = [], [], data.log_det, 0.0
     priors = _node_priors(model, noise, state)
     for number, (w, part, prior) in enumerate(
@@ -371,25 +372,25 @@ def eliminate(data: DataNormals, model: TrajectoryModel, noise: Noise, state: St
             Y + b * number + np.arange(2 * b), np.arange(u), Y - N_COMPONENTS + np.arange(6),
             u + (3 * w.planes[:, None] + np.arange(3)).ravel(),
         ])  # fmt: skip
-        S[np.ix_(where, where)] += step.S
+        parts.append(step.S.copy())
         t[where] += step.t
         log_det += step.log_det
         decrement += step.decrement
         steps.append(step)
         places.append(where)
-    last = np.arange(total - b, total)
-    S[last, last] = 1.0  # after the last window none is
-    _add_control(model, state, S, t)
+    last = np.arange(b, 2 * b)
+    parts[-1][last, last] += 1.0  # after the last window none is
+    _add_control(model, state, parts, places, t)
     own = np.r_[:u, Y - N_COMPONENTS : Y]
     weight = np.concatenate([model.pseudo_weight, noise.constant_weight])
-    S[own, own] += weight
+    at = 2 * b + np.arange(len(own))
+    parts[0][at, at] += weight
     t[own] += weight * np.concatenate([state.x, state.constant])
-    scale = 1 / np.sqrt(np.diag(S))
-    factor, _ = cho_factor(S * np.outer(scale, scale), lower=True)
-    log_det += 2 * float(np.log(np.diag(factor) / scale).sum())
-    dz = -scale * cho_solve((factor, True), scale * t)
+    factor = BlockCholesky.of(parts, places, total)
+    log_det += factor.log_det
+    dz = -factor.solve(t[:, None])[:, 0]
     return Step(
-        dz, Y, factor, scale, model.windows, tuple(steps), tuple(places), state.error.shape,
+        dz, Y, factor, model.windows, tuple(steps), tuple(places), state.error.shape,
         log_det, decrement - float(t @ dz),
     )  # fmt: skip
 
@@ -409,11 +410,15 @@ def _control(model: TrajectoryModel, planes: np.ndarray) -> tuple[np.ndarray, ..
     return at, miss, A / up[:, None], sigma**-2.0
 
 
-def _add_control(model: TrajectoryModel, state: "State", S: np.ndarray, t: np.ndarray) -> None:
-    """Add to normal equations that each control point lies on its plane."""
+def _add_control(
+    model: TrajectoryModel, state: "State", parts: list, places: list, t: np.ndarray
+) -> None:
+    """Add to the first window that sees its plane that each control point lies on it."""
     for g, miss, a, weight in zip(*_control(model, state.planes), strict=True):
         own = len(state.x) + 3 * g + np.arange(3)
-        S[np.ix_(own, own)] += weight * np.outer(a, a)
+        first = next(k for k, w in enumerate(model.windows) if g in w.planes)
+        at = np.flatnonzero(places[first] == own[0]) + np.arange(3)
+        parts[first][np.ix_(at, at)] += weight * np.outer(a, a)
         t[own] += weight * miss * a
 
 
