@@ -13,7 +13,9 @@ def test_solution_determinant_and_inverse_are_those_of_the_sum(count):
     n = 4 * count + 5
     shared = n - 3
     places = [
-        np.r_[4 * k + np.arange(6 if k < count - 1 else 4), [shared] * (k % 3 == 0), n - 2, n - 1]
+        np.array(
+            [*range(4 * k, 4 * k + 4 + 2 * (k < count - 1)), *[shared] * (k % 3 == 0), n - 2, n - 1]
+        )
         for k in range(count)
     ]
     parts = [a.T @ a for a in (rng.normal(size=(3 * len(at), len(at))) for at in places)]
