@@ -174,7 +174,7 @@ ARTEFACTS = (
              "squared standardised error by angle, over many surveys; D also with a wrong prior."),
     Artefact("errors_against_sigmas", "Errors against sigmas", _SWEEP,
              "Error of the boresight over its formal σ, a point for each survey, a colour for "
-             "each scenario."),
+             "each scenario; above the line σ is too small."),
     Artefact("error_kinds", "Errors of other kinds", _SWEEP,
              "Coverage of 95\u00a0% intervals and RMS error of the boresight by kind of errors, "
              "over many surveys; D as told the specification, and under the noise that it finds."),
