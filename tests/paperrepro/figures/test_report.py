@@ -457,3 +457,8 @@ def test_the_browser_test_sees_what_is_wrong(browser, tmp_path):
 def test_the_committed_report_opens_in_a_browser_at_a_phones_width(browser, tmp_path):
     text = (FIGURES / pages.NAME).read_text(encoding="utf-8")
     assert_fit_for_a_phone(browser, text, tmp_path, pictures=text.count("<img "))
+
+
+@pytest.mark.skipif(not (FIGURES / pages.NAME).exists(), reason="no figures/report.html yet")
+def test_the_committed_report_is_light():
+    assert (FIGURES / pages.NAME).stat().st_size <= 2_000_000
