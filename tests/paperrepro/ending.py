@@ -84,8 +84,8 @@ def ended(command: list[str], folder: Path, at: str | None = None, how: int = 0)
     if not child:
         os.environ |= {"PAPERREPRO_CACHE": str(folder / "cache"), "TMPDIR": str(folder / "tmp")}
         tempfile.tempdir = None
-        os.dup2(os.open(told, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 1)
-        os.dup2(os.open(errors, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 2)
+        os.dup2(os.open(told, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND), 1)
+        os.dup2(os.open(errors, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND), 2)
         if at is not None:
             sys.addaudithook(lambda *event: _look(*event, folder, at, how))
         try:
