@@ -52,8 +52,15 @@ class Parameter:
         return f"{self.name}: {self.kind.__name__} = {self.default!r}"
 
 
+_managers: "weakref.WeakSet[LocalKernelManager]" = weakref.WeakSet()
+
+
 class LocalKernelManager(AsyncKernelManager):
     """Talks to the kernel through files of this user instead of network ports."""
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        _managers.add(self)
 
     @default("transport")
     def _default_transport(self) -> str:
@@ -82,6 +89,12 @@ class LocalKernelManager(AsyncKernelManager):
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
+
+
+def kill_kernels() -> None:
+    """End the kernels of this process: what `execute` runs in other threads fails there."""
+    for manager in list(_managers):
+        manager.kill()
 
 
 def declared(notebook: Path) -> dict[str, Parameter]:
@@ -134,10 +147,10 @@ def without_outputs(notebook: Path) -> str:
 
 
 def execute(
-    notebook: Path | NotebookNode, target: Path, parameters: Mapping,
-    km: LocalKernelManager, hint: str = "", **engine,
-) -> None:  # fmt: skip
-    """Run ``notebook`` with ``parameters`` into ``target`` on the running kernel of ``km``.
+    notebook: Path | NotebookNode, target: Path, parameters: Mapping, hint: str = "", **engine
+) -> None:
+    """Run ``notebook`` with ``parameters`` into ``target``, on a kernel of its own or, as ``km``,
+    on one that is running.
 
     Raises `NotebookFailed`, which ends with ``hint``; ``target`` then holds it as far as it ran.
     """
@@ -145,9 +158,13 @@ def execute(
     source = notebook if isinstance(notebook, NotebookNode) else str(notebook)
     try:
         papermill.execute_notebook(
-            source, str(target), dict(parameters), kernel_name="python3", progress_bar=False,
-            km=km, **engine,
-        )  # fmt: skip
+            source,
+            str(target),
+            dict(parameters),
+            kernel_name="python3",
+            progress_bar=False,
+            **(engine or {"kernel_manager_class": LocalKernelManager}),
+        )
     except PapermillExecutionError as error:
         reason = f"{error.ename}: {error.evalue}"
         raise NotebookFailed(target.name, error.cell_index, reason, hint) from None
