@@ -75,12 +75,11 @@ def reliability(
     own *= p / (own + p)
     information = np.maximum(p * (1 - p * of_surface[:, 0]), 1e-12 * own)
     detectable, score = NON_CENTRALITY / np.sqrt(information), p * state.surface[:, 0]
-    turns = np.zeros((len(strips), 3))
+    turns, of_angles = np.zeros((len(strips), 3)), solution.step.columns(3)
     for window, step, where in zip(
         model.windows, solution.step.steps, solution.step.where, strict=True
     ):
-        angles = np.flatnonzero(where < 3)  # x stands in order
-        with_views = -step.views[:, :-1] @ solution.step.Q[np.ix_(where, where[angles])]
+        with_views = -step.views[:, :-1] @ of_angles[where]
         turns[window.faces] = -p * with_views[::3]
     turns *= detectable[:, None]
     return Reliability(

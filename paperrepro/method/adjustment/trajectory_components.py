@@ -397,7 +397,7 @@ class Likelihood:
         fixed = np.r_[:u, len(step.dy) - 6 : len(step.dy)]
         weight = np.concatenate([self.model.pseudo_weight, noise.constant_weight])
         here = np.concatenate([self.state.x, self.state.constant]) + step.dy[fixed]
-        expected += weight @ (here**2 + np.diag(step.Q)[fixed])
+        expected += weight @ (here**2 + np.diag(step.own(u)))
         unknowns = len(step.dy) + variance.size + surface.size
         slopes[0] = 2 * len(self.model.tie_planes.rays)
         slopes[0] -= 2 * (quadratic - step.decrement + unknowns - expected)

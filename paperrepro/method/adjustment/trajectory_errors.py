@@ -123,7 +123,7 @@ def _find_delay(
     for k in range(CLOCK_ROUNDS + 1):
         model, solution = _adjusted(*_delayed(survey, tie_planes, delay), near, spacing, True)
         at = len(solution.state.x) - 1
-        rest, sigma = solution.state.x[at], np.sqrt(solution.step.Q[at, at])
+        rest, sigma = solution.state.x[at], np.sqrt(solution.step.own(at + 1)[at, at])
         if before is not None:
             share = float(np.clip((before[1] - rest) / (delay - before[0]), LEAST_SHARE, 1.0))
         beyond_doubt = (CLOCK_SIGMAS if delay == 0 else 1) * sigma * share
@@ -185,9 +185,9 @@ def _find_beam_sigma(model: TrajectoryModel, solution: Solution) -> float:
     """Spread of the beams' errors, rad, where the data ask for any, else zero; ``model`` has them
     as unknowns. What errors of the beams there are is in the components, too: that is on the safe
     side."""
-    beams = model.unknowns.beams_at
+    beams, of_x = model.unknowns.beams_at, solution.step.own(len(solution.state.x))
     sigma, evidence = sigma_of_group(
-        solution.state.x[beams], solution.step.Q[beams, beams], model.unknowns.beam_sigma
+        solution.state.x[beams], of_x[beams, beams], model.unknowns.beam_sigma
     )
     return sigma if evidence > BEAM_EVIDENCE else 0.0
 

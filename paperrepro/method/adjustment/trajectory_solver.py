@@ -256,9 +256,9 @@ class DataNormals:
 class Step:
     """One elimination: corrections ``dz`` (T,) of x, planes, constants, then separators, of which
     the first ``size`` are y, and what leads back: ``factor`` of the matrix (T, T) that the windows
-    leave; ``steps`` of the windows and ``where`` (r,) in T what each leaves is; ``shape``
-    (K, P, 6) of the errors; ``log_det`` of all;
-    ``decrement``: by how much the step lowers the sum of squares."""
+    leave; ``steps`` of the windows and ``where`` (r,) in T what each leaves is; ``shape`` (K, P, 6)
+    of the errors; ``log_det`` of all; ``decrement``: by how much the step lowers the sum of
+    squares."""
 
     dz: np.ndarray
     size: int
@@ -288,6 +288,11 @@ class Step:
     def _blocks(self) -> list[np.ndarray]:
         """Of ``Q``, the part (r, r) of each window."""
         return self.factor.inverse_blocks()
+
+    def own(self, u: int) -> np.ndarray:
+        """Covariance (u + 6, u + 6) of x (u,) and constants, which every window sees."""
+        at = 2 * self.shape[1] * self.shape[2] + np.arange(u + N_COMPONENTS)
+        return self._blocks[0][np.ix_(at, at)]
 
     @cached_property
     def _moved(self) -> tuple[np.ndarray, np.ndarray]:
