@@ -130,10 +130,12 @@ def _hermite(first, last, nodes, value, rate, time, out):
 
 @dataclass(frozen=True)
 class Scanner:
-    """A spinning multi-beam scanner by its specification.
+    """A scanner by its specification.
 
-    ``beam_elevations`` (rings,) rad ascending, ``range_sigma`` m, ``angle_sigma`` rad (both
-    encoder and beam), ``range_offset_sigma`` m: how well a beam's zero is known.
+    ``beam_elevations`` (rings,) rad ascending, or none (0,) where beams keep no elevation of their
+    own (line scanners, solid state): each point then has its own. ``range_sigma`` m,
+    ``angle_sigma`` rad (both encoder and beam), ``range_offset_sigma`` m: how well a beam's zero is
+    known.
     """
 
     name: str
@@ -144,7 +146,8 @@ class Scanner:
 
     @property
     def n_rings(self) -> int:
-        return len(self.beam_elevations)
+        """Beams with a zero of their own; one where there are no rings."""
+        return max(len(self.beam_elevations), 1)
 
 
 @dataclass(frozen=True)
@@ -223,7 +226,8 @@ class Strip:
     """One flight line as measured: ``time`` (N,) s, ``ring`` (N,) uint8, ``azimuth`` (N,) rad,
     ``rho`` (N,) m measured range. A ring indexes `Scanner.beam_elevations`. Azimuth and range may
     be float32: at 100 m that is 10 um. ``pose`` (N, 6), m-frame, where a strip carries a pose per
-    point; else poses come from the survey's trajectory."""
+    point; else poses come from the survey's trajectory. ``elevation`` (N,) rad, where the scanner
+    has no rings; ``ring`` is zero then."""
 
     name: str
     time: np.ndarray
@@ -231,6 +235,7 @@ class Strip:
     azimuth: np.ndarray
     rho: np.ndarray
     pose: np.ndarray | None = None
+    elevation: np.ndarray | None = None
 
     def __repr__(self) -> str:
         return f"Strip({self.name}, {len(self)} points)"
@@ -240,21 +245,18 @@ class Strip:
 
     def take(self, index) -> "Strip":
         """The chosen points; ``index`` as numpy takes it."""
-        columns = (self.time, self.ring, self.azimuth, self.rho)
-        pose = None if self.pose is None else self.pose[index]
-        return Strip(self.name, *(column[index] for column in columns), pose)
+        columns = (self.time, self.ring, self.azimuth, self.rho, self.pose, self.elevation)
+        return Strip(self.name, *(None if c is None else c[index] for c in columns))
 
     def check(self) -> "Strip":
         """Return itself, or raise `EmptyStrip`, `NotFinite`, `BadInput`."""
         if len(self) == 0:
             raise EmptyStrip(f"{self.name}: expected points, the strip is empty; leave it out")
-        names = ("time", "ring", "azimuth", "rho")
-        require_lengths({name: len(getattr(self, name)) for name in names}, self.name)
-        for column in ("time", "azimuth", "rho"):
-            require_finite(getattr(self, column), f"{self.name} {column}")
-        if self.pose is not None:
-            require_lengths({"time": len(self), "pose": len(self.pose)}, self.name)
-            require_finite(self.pose, f"{self.name} pose")
+        names = ("time", "ring", "azimuth", "rho", "pose", "elevation")
+        columns = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+        require_lengths({name: len(column) for name, column in columns.items()}, self.name)
+        for name, column in columns.items():
+            require_finite(column, f"{self.name} {name}")
         return self
 
 
@@ -334,12 +336,12 @@ class Survey:
                 f"{strip.name}: rings {ring.min()} to {ring.max()} found, {self.scanner.name} has "
                 f"{self.scanner.n_rings}, counted from 0; choose the right scanner or ring column"
             )
-        posed = part.pose is not None
+        posed, own = part.pose is not None, part.elevation is not None
         return Rays(
             np.asarray(part.pose) if posed else self.trajectory.at(part.time, strip.name),
             ring,
             np.asarray(part.azimuth, float),
-            self.scanner.beam_elevations[ring],
+            np.asarray(part.elevation, float) if own else self.scanner.beam_elevations[ring],
             np.asarray(part.rho, float),
             np.asarray(part.time),
         )

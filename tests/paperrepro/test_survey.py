@@ -286,3 +286,11 @@ def test_a_mounting_keeps_rotation_and_lever_arm_when_calibrated():
 def test_a_strip_is_found_by_name():
     two = survey(strips=(strip(), Strip("F2", *(np.zeros(1) for _ in range(4)))))
     assert two.strip("F2").name == "F2"
+
+
+def test_a_scanner_without_rings_has_an_elevation_per_point():
+    own = np.linspace(-0.2, 0.3, 10)
+    flown = strip(ring=np.zeros(10, np.uint8), elevation=own)
+    seen = survey(strips=(flown,), scanner=Scanner("line", np.empty(0), 0.02, 1e-4))
+    assert seen.scanner.n_rings == 1
+    np.testing.assert_array_equal(seen.rays(flown, [2, 0]).elevation, own[[2, 0]])
