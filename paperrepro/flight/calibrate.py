@@ -20,7 +20,7 @@ from paperrepro.method.adjustment.observability import AXIS_WORDS, WIDEST_SIGMA
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.scenarios import by_name
 from paperrepro.method.adjustment.trajectory_equations import DETERMINED
-from paperrepro.method.adjustment.trajectory_errors import few_planes, find_noise
+from paperrepro.method.adjustment.trajectory_errors import find_noise
 from paperrepro.method.coarse_to_fine import (
     Candidates,
     Progress,
@@ -310,8 +310,7 @@ def _adjust(
     found, start = None, replace(survey, mounting=survey.mounting.with_calibration(near))
     if by_name(scenario).trajectory:
         enough = len(set(tie_planes.strips)) >= ENOUGH_STRIPS
-        free = tie_planes.uncontrolled()
-        found = find_noise(start, few_planes(free, start.mounting), near, enough)
+        found = find_noise(start, tie_planes, near, enough)
     result = calibrate(start, tie_planes, scenario, found=found, lever_arm=lever_arm)
     kept = result.adjusted(tie_planes)
     before = kept.plane_states(survey.mounting).rms

@@ -32,7 +32,7 @@ from paperrepro.method.adjustment.model_checks import model_checks
 from paperrepro.method.adjustment.quality import TrueNoise, cramer_rao_bound
 from paperrepro.method.adjustment.result import CalibrationResult
 from paperrepro.method.adjustment.trajectory_equations import AXES, GaussMarkov
-from paperrepro.method.adjustment.trajectory_errors import NODE_SPACING, few_planes, find_noise
+from paperrepro.method.adjustment.trajectory_errors import NODE_SPACING, find_noise
 from paperrepro.method.coarse_to_fine import (
     Candidates,
     PlaneSurvey,
@@ -403,8 +403,7 @@ def _add_adjusted(rows: SurveyRows, flown: SimulatedSurvey, result: CalibrationR
 
 
 def _under_found_noise(survey: Survey, found: PlaneSurvey) -> CalibrationResult:
-    few = few_planes(found.tie_planes, survey.mounting)
-    noise = find_noise(survey, few, found.agreed)
+    noise = find_noise(survey, found.tie_planes, found.agreed)
     return calibrate(survey, found.tie_planes, "D", found=noise)
 
 

@@ -102,10 +102,11 @@ class VarianceComponents:
 
     def constant(self, specified: GaussMarkov) -> np.ndarray:
         """(6,) sigma of an attitude that is off for the whole mission: what of the specified
-        variance the processes, one standard deviation above their estimates, leave. No data tell it
-        from the boresight; one of the position shifts the whole cloud and is not seen."""
+        variance the lasting process, one standard deviation above its estimate, leaves; vibration
+        that the INS does not report says nothing of it. No data tell it from the boresight; one of
+        the position shifts the whole cloud and is not seen."""
         above = np.zeros(4) if self.covariance is None else np.sqrt(np.diag(self.covariance)[2:6])
-        share = np.square(self.sigma * np.exp(above)) + np.square(self.fast)
+        share = np.square(self.sigma * np.exp(above))
         constant = specified.sigma * np.sqrt(np.maximum(1 - _spread(share), 0.0))
         return np.r_[np.zeros(3), constant[3:]]
 
@@ -229,16 +230,14 @@ def _with_uncertainty(likelihood: "Likelihood", logs, free) -> Estimate:
     return Estimate(components, (axes * np.maximum(values, 0.0)) @ axes.T, likelihood.state)
 
 
-def sigma_of_group(value: np.ndarray, Q: np.ndarray, prior: float) -> tuple[float, float]:
-    """Standard deviation of unknowns that were estimated, ``value`` (m,) with covariance ``Q``
-    (m, m), with each observed as zero to ``prior``: the most likely one, and by how much it raises
-    twice the logarithm of the restricted likelihood against none."""
-    inverse = np.linalg.inv(Q)
-    data, axes = np.linalg.eigh(inverse - np.eye(len(value)) / prior**2)  # what the data say alone
-    data, seen = np.maximum(data, 0.0), np.square(axes.T @ (inverse @ value))
+def sigma_of_group(information: np.ndarray, seen: np.ndarray, prior: float) -> tuple[float, float]:
+    """Standard deviation of unknowns that are zero but for it: the most likely one, within a factor
+    of a hundred of ``prior``, and by how much it raises twice the logarithm of the restricted
+    likelihood against none. ``information`` (m,) is what the data alone have of them, along its own
+    axes, and ``seen`` (m,) the squares of the right side."""
 
     def against_none(log_sigma):
-        gain = 1 + np.exp(2 * log_sigma) * data
+        gain = 1 + np.exp(2 * log_sigma) * information
         return float((np.log(gain) - seen * np.exp(2 * log_sigma) / gain).sum())
 
     middle = np.log(prior)

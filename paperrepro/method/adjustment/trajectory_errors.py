@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from paperrepro._compiled import one_blas_thread
+from paperrepro.method.adjustment.bending import without_bends
 from paperrepro.method.adjustment.conditions import face_states
 from paperrepro.method.adjustment.observability import Observability, require_determined
 from paperrepro.method.adjustment.quality import reliability
@@ -41,7 +42,7 @@ from paperrepro.method.adjustment.trajectory_solver import (
 )
 from paperrepro.method.patches import varied
 from paperrepro.method.tie_planes import TiePlanes
-from paperrepro.survey import Mounting, Navigation, Survey, Trajectory
+from paperrepro.survey import Mounting, Navigation, Rays, Survey, Trajectory
 
 #: Seconds between nodes. Between nodes a second apart an APX-15's heading wanders by 0.01 deg,
 #: which thousands of points see. At full density, 15 000 points in such a time, nodes 0.25 s apart
@@ -72,13 +73,18 @@ def specified_noise(navigation: Navigation) -> Noise:
 @dataclass(frozen=True)
 class FoundNoise:
     """What the data say of the noise: variance ``components``, and ``open`` (3, 3) rad², what the
-    boresight gets of their uncertainty; ``delay`` s of the laser's clock and ``beam_sigma`` rad,
-    spread of the beams' errors, under which they are."""
+    boresight gets of their uncertainty; ``delay`` s of the laser's clock, ``beam_sigma`` rad,
+    spread of the beams' errors, and ``bending`` m of the faces, under which they are."""
 
     components: VarianceComponents
     open: np.ndarray
     delay: float = 0.0
     beam_sigma: float = 0.0
+    bending: float = 0.0
+
+    def named(self) -> dict[str, float]:
+        """Plain numbers by name, as `VarianceComponents` has them."""
+        return {**self.components.named(), "bending_m": self.bending}
 
 
 def _clock_can_be_off(survey: Survey) -> bool:
@@ -147,7 +153,7 @@ def _delayed(survey: Survey, tie_planes: TiePlanes, delay: float) -> tuple[Surve
     return survey, replace(tie_planes, rays=replace(rays, pose=pose))
 
 
-def few_planes(tie_planes: TiePlanes, mounting: Mounting) -> TiePlanes:
+def _few_planes(tie_planes: TiePlanes, mounting: Mounting) -> TiePlanes:
     """At most `NOISE_PLANES` planes that face many ways, and `NOISE_POINTS` points of a face: what
     shows the noise."""
     states, views = tie_planes.plane_states(mounting), np.bincount(tie_planes.plane)
@@ -160,11 +166,15 @@ def find_noise(
     survey: Survey, tie_planes: TiePlanes, near: np.ndarray, all_components: bool = True,
     spacing: float = WITNESS_SPACING,
 ) -> FoundNoise:  # fmt: skip
-    """Variance components from ``tie_planes``, at a boresight ``near`` (3,) rad; where not
-    ``all_components``, those of laser and surfaces alone, and the others keep their priors: two
+    """Variance components from some of the ``tie_planes``, at a boresight ``near`` (3,) rad; where
+    not ``all_components``, those of laser and surfaces alone, and the others keep their priors: two
     opposite strips tell neither errors of the trajectory nor of beams from a boresight."""
     specified, free = specified_process(survey.navigation), None if all_components else OF_LASER
-    clock, delay, beam_sigma = _clock_can_be_off(survey), 0.0, 0.0
+    mounting, clock, delay, beam_sigma = survey.mounting, _clock_can_be_off(survey), 0.0, 0.0
+    tie_planes, bending = without_bends(
+        tie_planes.uncontrolled(), survey.scanner, mounting.with_calibration(near)
+    )
+    tie_planes = _few_planes(tie_planes, mounting)
     if clock:
         delay, model, solution = _find_delay(survey, tie_planes, near, spacing)
         survey, tie_planes = _delayed(survey, tie_planes, delay)
@@ -178,7 +188,7 @@ def find_noise(
     if beam_sigma > 0:
         model, solution = _adjusted(survey, tie_planes, near, spacing, clock, beam_sigma)
         found = estimate(model, specified, solution, free)
-    return FoundNoise(found.components, found.open, delay, beam_sigma)
+    return FoundNoise(found.components, found.open, delay, beam_sigma, bending)
 
 
 def _find_beam_sigma(model: TrajectoryModel, solution: Solution) -> float:
@@ -186,9 +196,12 @@ def _find_beam_sigma(model: TrajectoryModel, solution: Solution) -> float:
     as unknowns. What errors of the beams there are is in the components, too: that is on the safe
     side."""
     beams, of_x = model.unknowns.beams_at, solution.step.own(len(solution.state.x))
-    sigma, evidence = sigma_of_group(
-        solution.state.x[beams], of_x[beams, beams], model.unknowns.beam_sigma
-    )
+    value, inverse, prior = (
+        solution.state.x[beams], np.linalg.inv(of_x[beams, beams]), model.unknowns.beam_sigma,
+    )  # fmt: skip
+    information, axes = np.linalg.eigh(inverse - np.eye(len(value)) / prior**2)
+    seen = np.square(axes.T @ (inverse @ value))
+    sigma, evidence = sigma_of_group(np.maximum(information, 0.0), seen, prior)
     return sigma if evidence > BEAM_EVIDENCE else 0.0
 
 
@@ -215,21 +228,23 @@ def calibrate_with_trajectory(
     reported = survey.trajectory if clock else None
     if clock:
         survey, tie_planes = _delayed(survey, tie_planes, found.delay)
-    model = TrajectoryModel.prepare(
-        survey, tie_planes, range_offsets, spacing, lever_arm, clock,
-        0.0 if found is None else found.beam_sigma,
-    )  # fmt: skip
-    noise = specified_noise(survey.navigation)
-    start = model.unknowns.start()
     if near is None:
         near = calibrate(survey, tie_planes, "SL without offsets").boresight
+    even, noise = tie_planes, specified_noise(survey.navigation)
+    if found is not None and found.bending > 0:
+        even, _ = without_bends(tie_planes, survey.scanner, survey.mounting.with_calibration(near))
+    model = TrajectoryModel.prepare(
+        survey, even, range_offsets, spacing, lever_arm, clock,
+        0.0 if found is None else found.beam_sigma,
+    )  # fmt: skip
+    start = model.unknowns.start()
     if found is not None:
         model = found.components.apply(model)
         specified = specified_process(survey.navigation)
         noise = found.components.noise(specified, found.components.constant(specified)).reduced()
     state = model.start(np.r_[near, start[3:]], len(noise.processes))
     solution = iterate(model, noise, state)
-    return _result(model, noise, start, solution, found, reported)
+    return _result(model, noise, tie_planes.rays, solution, found, reported)
 
 
 @one_blas_thread
@@ -247,11 +262,12 @@ def lasting_sigma(survey: Survey, tie_planes: TiePlanes, boresight: np.ndarray) 
 def _result(
     model: TrajectoryModel,
     noise: Noise,
-    start: np.ndarray,
+    measured: Rays,
     solution: Solution,
     found: FoundNoise | None,
     reported: Trajectory | None,
 ) -> CalibrationResult:
+    """``measured``: the faces' rays with what they bend."""
     state, step = solution.state, solution.step
     tie_planes, unknowns = model.tie_planes, model.unknowns
     kept, lever, u = unknowns.kept, unknowns.lever_at, len(state.x)
@@ -268,8 +284,12 @@ def _result(
     dof += int(tie_planes.controlled.sum())
     beams = _beams(unknowns, state.x, Q)
     mounting = replace(unknowns.mounting, beam_offsets=beams.errors if beams else None)
-    rays = mounting.pointed(tie_planes.rays)
-    after = face_states(rays, tie_planes.plane_ranges, unknowns, state.x)
+    before, after = (
+        face_states(rays, tie_planes.plane_ranges, unknowns, x)
+        for rays, x in (
+            (measured, unknowns.start()), (mounting.pointed(measured), state.x)
+        )
+    )  # fmt: skip
     covariances = (step.covariance(further) for further in range(len(noise.processes)))
     same, beside, of_surface = map(np.stack, zip(*covariances, strict=True))
     delay = found.delay + unknowns.clock_delay(state.x) if unknowns.clock else 0.0
@@ -286,7 +306,7 @@ def _result(
         iterations=solution.iterations,
         n_points=len(tie_planes.rays),
         n_conditions=len(tie_planes.rays),
-        rms_before=face_states(tie_planes.rays, tie_planes.plane_ranges, unknowns, start).rms,
+        rms_before=before.rms,
         rms_after=after.rms,
         points_per_plane=after.count,
         observability=observability,
@@ -294,7 +314,7 @@ def _result(
             model.nodes.time, state.error, same, beside, noise.processes, state.constant,
             noise.constant, delay, reported,
         ),
-        components=None if found is None else found.components.named(),
+        components=None if found is None else found.named(),
         lever_arm=(
             LeverArm.of(unknowns.mounting, state.x[lever], Q[lever, lever])
             if unknowns.lever else None

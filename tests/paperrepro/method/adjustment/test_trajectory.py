@@ -454,7 +454,7 @@ def test_constants_are_what_the_processes_leave_of_the_specification():
     )
     left = quiet.constant(specified)
     assert (left[:3] == 0).all()
-    expected = specified.sigma[3:] * np.sqrt(1 - 0.04 - 0.04)
+    expected = specified.sigma[3:] * np.sqrt(1 - 0.04)
     np.testing.assert_allclose(left[3:], expected)
     assert not VarianceComponents().constant(specified).any()
 
