@@ -120,8 +120,10 @@ def smooth(model: ErrorModel, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return filtered, P_filtered
 
 
-def smoother_error(truth: Trajectory, rng: np.random.Generator) -> np.ndarray:
-    """What the smoother's trajectory is off by.
+def smoother_error(
+    truth: Trajectory, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What the smoother's trajectory is off by, and what it knows of that.
 
     Parameters
     ----------
@@ -130,6 +132,8 @@ def smoother_error(truth: Trajectory, rng: np.random.Generator) -> np.ndarray:
     Returns
     -------
     (M, 6) : east, north, up m; roll, pitch, heading rad. Between two steps of the filter a cubic.
+    (K,) s : times of the filter's steps.
+    (K, 6) : standard deviations of the error at these, near level.
     """
     stride = round(STEP / float(np.median(np.diff(truth.time))))
     time, attitude = truth.time[::stride], truth.attitude[::stride]
@@ -137,11 +141,23 @@ def smoother_error(truth: Trajectory, rng: np.random.Generator) -> np.ndarray:
     R_b_m = T * Rotation.from_euler("ZYX", attitude[:, ::-1])
     model = error_model(truth.position[::stride], R_b_m.as_matrix())
     x, z = draw_errors(model, 1, rng)
-    left = (x - smooth(model, z)[0])[:, :, 0]
+    estimate, covariance = smooth(model, z)
+    left = (x - estimate)[:, :, 0]
     turned = T * Rotation.from_rotvec(left[:, ATTITUDE]) * R_b_m
     turn = wrap(turned.as_euler("ZYX")[:, ::-1] - attitude)
     error = CubicSpline(time, np.column_stack([left[:, POSITION], turn]))
-    return error(np.minimum(truth.time, time[-1]))
+    return error(np.minimum(truth.time, time[-1])), time, _sigma(covariance, attitude[:, 2])
+
+
+def _sigma(covariance: np.ndarray, heading: np.ndarray) -> np.ndarray:
+    """(K, 6) of covariances (K, 18, 18): a turn about east or north is one of roll and pitch."""
+    to_body = np.zeros((len(heading), 3, 3))
+    to_body[:, 0, :2] = np.column_stack([np.sin(heading), np.cos(heading)])
+    to_body[:, 1, :2] = np.column_stack([np.cos(heading), -np.sin(heading)])
+    to_body[:, 2, 2] = -1.0
+    turned = to_body @ covariance[:, ATTITUDE, ATTITUDE] @ to_body.transpose(0, 2, 1)
+    blocks = covariance[:, POSITION, POSITION], turned
+    return np.sqrt(np.hstack([np.diagonal(block, axis1=1, axis2=2) for block in blocks]))
 
 
 def _skew(v: np.ndarray) -> np.ndarray:

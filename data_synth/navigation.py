@@ -2,9 +2,9 @@
 
 `NAVIGATION` names them. All but two have the specification's variances at any moment, taken over
 surveys, so that the specification is honest and only the shape in time is another; ``smoother`` has
-the magnitudes that an IMU of this class gives (`data_synth.inertial`), which are smaller, and
-``outage`` exceeds the specification while GNSS is lost. Six components: east, north, up m; roll,
-pitch, heading rad.
+the magnitudes that an IMU of this class gives (`data_synth.inertial`), which are smaller, and says
+so as post-processors do, by standard deviations over time; ``outage`` exceeds the specification
+while GNSS is lost. Six components: east, north, up m; roll, pitch, heading rad.
 """
 
 import numpy as np
@@ -106,8 +106,9 @@ NAVIGATION = (*PROCESSES, "smoother")
 
 def disturb(
     truth: Trajectory, noise_scale: float, rng: np.random.Generator, kind: str = "gauss-markov"
-) -> Trajectory:
-    """The trajectory as the GNSS/INS reports it; scaled, so a seed keeps the shape of its error.
+) -> tuple[Trajectory, Navigation]:
+    """The trajectory as the GNSS/INS reports it, and what it says of its errors; scaled, so a seed
+    keeps the shape of its error.
 
     Parameters
     ----------
@@ -115,14 +116,17 @@ def disturb(
     noise_scale : factor on the whole error.
     kind : one of `NAVIGATION`.
     """
+    told = apx15(noise_scale)
     if kind == "smoother":
-        error = smoother_error(truth, rng)
+        error, *known = smoother_error(truth, rng)
+        if noise_scale > 0:
+            told = told.with_profile(known[0], noise_scale * known[1])
     else:
         step = float(np.median(np.diff(truth.time)))
         sigma = np.concatenate([POSITION_SIGMA, ATTITUDE_SIGMA])
         error = sigma * PROCESSES[kind](len(truth.time), step, rng)
         error += WHITE_SIGMA * rng.normal(size=error.shape)
-    error *= noise_scale
+    error = noise_scale * error
     attitude = truth.attitude + error[:, 3:]
     attitude[:, 2] = wrap(attitude[:, 2])
-    return Trajectory(truth.time, truth.position + error[:, :3], attitude)
+    return Trajectory(truth.time, truth.position + error[:, :3], attitude), told

@@ -20,7 +20,7 @@ from data_synth.raycast import aim
 from data_synth.simulation import Truth
 from paperrepro.errors import BadInput
 from paperrepro.frames import T_NED_ENU
-from paperrepro.survey import Strip, Survey
+from paperrepro.survey import Navigation, Strip, Survey
 
 #: The paper's site, 25 45' 16" S, 49 23' 39" W, and a height there.
 LATITUDE_DEG, LONGITUDE_DEG, HEIGHT_M = -25.754444, -49.394167, 900.0
@@ -91,6 +91,14 @@ def sbet_records(survey: Survey, site: Site) -> np.ndarray:
     table[:, 4:7] = velocity @ T_NED_ENU.T
     table[:, 7:10] = _level_attitude(path.attitude, latitude, longitude, site)
     return table
+
+
+def accuracy_records(navigation: Navigation) -> np.ndarray:
+    """(T, 10) records of an SMRMSG, of what the smoother knows of its errors; velocities zero."""
+    time, factors = navigation.profile
+    east, north, up = (navigation.position_sigma * factors[:, :3]).T
+    minutes = 60 * np.degrees(navigation.attitude_sigma * factors[:, 3:])
+    return np.column_stack([time, north, east, up, np.zeros((len(time), 3)), minutes])
 
 
 def _level_attitude(attitude, latitude, longitude, site: Site) -> np.ndarray:
@@ -212,13 +220,16 @@ def _list(values) -> str:
 def write_survey(
     folder: Path, survey: Survey, truth: Truth, site: Site | None = None, scale: float = 1e-4
 ) -> None:
-    """``F1.laz`` and so on, ``mission.sbet``, ``mounting.toml`` and ``truth.json`` in ``folder``;
-    ``scale`` m as `write_strip`."""
+    """``F1.laz`` and so on, ``mission.sbet``, ``mounting.toml`` and ``truth.json`` in ``folder``,
+    and ``mission.smrmsg`` where the trajectory's errors are known over time; ``scale`` m as
+    `write_strip`."""
     site = site or Site()
     if not 1e-7 <= scale <= 0.1:
         raise BadInput(f"scale: expected 1e-7 to 0.1 m, got {scale:g}; give the LAZ's resolution")
     for strip in survey.strips:
         write_strip(folder / f"{strip.name}.laz", survey, strip, site, scale)
     sbet_records(survey, site).astype("<f8").tofile(folder / "mission.sbet")
+    if survey.navigation.profile is not None:
+        accuracy_records(survey.navigation).astype("<f8").tofile(folder / "mission.smrmsg")
     (folder / "mounting.toml").write_text(mounting_text(survey), encoding="utf-8")
     (folder / "truth.json").write_text(truth_text(survey, truth, site), encoding="utf-8")

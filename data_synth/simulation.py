@@ -13,7 +13,7 @@ from data_synth.farm import Layout, build_farm
 from data_synth.flight import FlightLine, flight_plan, fly
 from data_synth.forest import build_forest
 from data_synth.motion import Motion, draw_unseen_vibration
-from data_synth.navigation import apx15, disturb
+from data_synth.navigation import disturb
 from data_synth.open_ground import build_fields, build_yard
 from data_synth.presets import SimulationConfig
 from data_synth.raycast import Raycaster
@@ -105,12 +105,13 @@ def simulate(config: SimulationConfig | None = None) -> tuple[Survey, Truth]:
     strips, labels, classes = _record_all(recorder, lines, config.thinning, seeds["sensor"])
     trajectory = motion.record()
     without = trajectory if motion is reported else reported.record()
-    measured = disturb(without, config.noise_scale, rng["navigation"], config.navigation)
+    measured, navigation = disturb(
+        without, config.noise_scale, rng["navigation"], config.navigation
+    )
     told = replace(
         known, lever_arm=LEVER_ARM + config.lever_arm_sigma_m * rng["lever arm"].normal(size=3)
     )
     cloud = reference.scan(caster, config.reference_noise, rng["reference"], layout.reach)
-    navigation = apx15(config.noise_scale)
     survey = Survey(strips, measured, told, recorder.scanner, navigation, cloud)
     truth = Truth(
         boresight=true.boresight,

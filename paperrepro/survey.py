@@ -150,6 +150,10 @@ class Scanner:
         return max(len(self.beam_elevations), 1)
 
 
+#: No standard deviation of an accuracy file is believed to be a smaller share of its mean.
+LEAST_FACTOR = 0.05
+
+
 @dataclass(frozen=True)
 class Navigation:
     """A GNSS/INS by its specification: ``position_sigma`` (3,) m east, north, up;
@@ -161,6 +165,15 @@ class Navigation:
     attitude_sigma: np.ndarray
     correlation_time: float
     profile: tuple[np.ndarray, np.ndarray] | None = None
+
+    def with_profile(self, time: np.ndarray, sigma: np.ndarray) -> "Navigation":
+        """With the standard deviations ``sigma`` (T, 6) m and rad at ``time`` (T,) s: the root of
+        their mean square, and how they change, by no less than a share of `LEAST_FACTOR`."""
+        mean = np.sqrt(np.square(sigma).mean(axis=0))
+        factors = np.clip(sigma / np.where(mean > 0, mean, 1.0), LEAST_FACTOR, None)
+        return replace(
+            self, position_sigma=mean[:3], attitude_sigma=mean[3:], profile=(time, factors)
+        )
 
 
 @dataclass(frozen=True)

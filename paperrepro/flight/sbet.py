@@ -35,8 +35,6 @@ ADJUSTED = {"sbet": "trajectory.sbet", "accuracy": "trajectory.smrmsg"}
 #: No adjustment moves a trajectory by more, m.
 LARGEST_CHANGE = 10.0
 WEEK = 604800.0
-#: No standard deviation of an accuracy file is believed to be a smaller share of its mean.
-LEAST_FACTOR = 0.05
 
 
 @dataclass(frozen=True)
@@ -95,26 +93,20 @@ def read_accuracy(path: Path, navigation: Navigation, flown: np.ndarray) -> Navi
         table.T[1:],
     )
     sigmas = np.column_stack([east, north, down, roll, pitch, heading])
-    mean = np.sqrt(np.square(sigmas).mean(axis=0))
-    position, attitude = mean[:3], mean[3:]
+    position, attitude = np.sqrt(np.square(sigmas).mean(axis=0)).reshape(2, 3)
     if not (position.max() < 100 and 0 < attitude.max() < 600):
         raise BadInput(
             f"{path}: expected sigmas in metres and minutes of arc, got {position.max():.3g} m and "
             f"{attitude.max():.3g}'; give the SMRMSG that belongs to the SBET"
         )
-    factors = np.clip(sigmas / np.where(mean > 0, mean, 1.0), LEAST_FACTOR, None)
     time = time + week_start(time)
     if time[-1] < flown[0] or time[0] > flown[-1]:
         raise BadInput(
             f"{path}: its times, {time[0]:.0f} to {time[-1]:.0f} s, are none of the trajectory's, "
             f"{flown[0]:.0f} to {flown[-1]:.0f} s; give the SMRMSG that belongs to the SBET"
         )
-    return replace(
-        navigation,
-        position_sigma=position,
-        attitude_sigma=np.radians(attitude / 60.0),
-        profile=(time, factors),
-    )
+    sigmas[:, 3:] = np.radians(sigmas[:, 3:] / 60.0)
+    return navigation.with_profile(time, sigmas)
 
 
 def write_adjusted(

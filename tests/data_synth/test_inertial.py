@@ -108,13 +108,17 @@ def test_along_a_mission_the_error_is_small_smooth_and_of_its_size():
     GNSS's own error."""
     lines = flight_plan()[:2]
     truth = fly(lines, np.random.default_rng(1)).record()
-    error = smoother_error(truth, np.random.default_rng(0))
+    error, time, sigma = smoother_error(truth, np.random.default_rng(0))
     assert error.shape == (len(truth.time), 6)
     rms = np.sqrt((error**2).mean(axis=0))
     assert (rms[:3] < 2 * GNSS_SIGMA).all()
     assert (np.degrees(rms[3:5]) < 0.03).all()
     assert np.degrees(rms[5]) < 0.3
     assert np.abs(np.diff(error[:, :3], axis=0)).max() < 1e-3
+    ratio = error[:: round(STEP / 0.005)] / sigma
+    assert len(time) == len(sigma) == len(ratio)
+    assert (np.sqrt(np.square(ratio).mean(axis=0)) > 0.3).all()
+    assert (np.sqrt(np.square(ratio).mean(axis=0)) < 2.5).all()
 
 
 def test_small_turns_become_roll_pitch_and_heading(monkeypatch):
@@ -133,8 +137,12 @@ def test_small_turns_become_roll_pitch_and_heading(monkeypatch):
         return x, None
 
     monkeypatch.setattr(inertial, "draw_errors", drawn)
-    monkeypatch.setattr(inertial, "smooth", lambda model, z: (0.0, None))
-    error = smoother_error(truth, None)
+    known = np.array([3e-3, 1e-3, 2e-3])  # of a turn about east, north, up
+    P = np.zeros((21, 18, 18))
+    P[:, ATTITUDE, ATTITUDE] = np.diag(known**2)
+    monkeypatch.setattr(inertial, "smooth", lambda model, z: (0.0, P))
+    error, _, sigma = smoother_error(truth, None)
+    np.testing.assert_allclose(sigma[:, 3:], np.tile(known, (21, 1)))  # forward is east
     before, after = (
         attitude_matrix(*angles) for angles in (truth.attitude[0], truth.attitude[0] + error[0, 3:])
     )

@@ -6,9 +6,12 @@ import laspy
 import numpy as np
 import pytest
 
+from data_synth.navigation import apx15
+from data_synth.operator import accuracy_records
 from paperrepro.cli import main
 from paperrepro.flight.geodesy import LocalFrame
 from paperrepro.flight.read import read_flight
+from paperrepro.flight.sbet import read_accuracy
 from paperrepro.method.adjustment.calibrate import calibrate
 from paperrepro.method.coarse_to_fine import find_roofs
 
@@ -89,3 +92,15 @@ def test_a_site_of_one_s_own_goes_through_the_files(tmp_path):
     assert flight.survey.scanner.n_rings == 32
     assert len(json.loads((out / "truth.json").read_text())["range_offsets_m"]) == 32
     assert main(["simulate", "--out", str(out), "--site", str(site)]) == 2
+
+
+def test_the_accuracy_of_a_smoother_is_read_as_it_was_written(tmp_path):
+    time = np.linspace(200_000.0, 200_300.0, 50)
+    sigma = np.outer(np.linspace(1.0, 2.0, 50), [0.01, 0.012, 0.02, 1e-4, 2e-4, 5e-4])
+    told = apx15().with_profile(time, sigma)
+    path = tmp_path / "mission.smrmsg"
+    accuracy_records(told).tofile(path)
+    found = read_accuracy(path, apx15(), time)
+    np.testing.assert_allclose(found.position_sigma, told.position_sigma)
+    np.testing.assert_allclose(found.attitude_sigma, told.attitude_sigma)
+    np.testing.assert_allclose(found.profile[1], told.profile[1])
