@@ -20,7 +20,7 @@ from data_synth.raycast import aim
 from data_synth.simulation import Truth
 from paperrepro.errors import BadInput
 from paperrepro.frames import T_NED_ENU
-from paperrepro.survey import Navigation, Strip, Survey
+from paperrepro.survey import Navigation, Scanner, Strip, Survey
 
 #: The paper's site, 25 45' 16" S, 49 23' 39" W, and a height there.
 LATITUDE_DEG, LONGITUDE_DEG, HEIGHT_M = -25.754444, -49.394167, 900.0
@@ -121,7 +121,8 @@ def _ned_to_earth(latitude, longitude) -> Rotation:
 def nominal_points(survey: Survey, strip: Strip) -> np.ndarray:
     """(N, 3) m, m-frame: what the operator's software makes of a strip before any calibration."""
     pose = survey.trajectory.at(strip.time, strip.name)
-    elevation = survey.scanner.beam_elevations[strip.ring]
+    beams = survey.scanner.beam_elevations
+    elevation = beams[strip.ring] if strip.elevation is None else strip.elevation
     nominal = survey.mounting.with_calibration(np.zeros(3))
     origin, direction = aim(pose, strip.azimuth, elevation, nominal)
     return origin + np.asarray(strip.rho)[:, None] * direction
@@ -157,10 +158,10 @@ lever_arm_m = {_list(mounting.lever_arm)}
 
 [scanner]
 name = "{scanner.name}"
+{_beams(scanner)}
 range_sigma_m = {scanner.range_sigma!r}
 angle_sigma_deg = {_round(np.degrees(scanner.angle_sigma))!r}
 range_offset_sigma_m = {scanner.range_offset_sigma!r}
-beam_elevations_deg = {_list(np.degrees(scanner.beam_elevations))}
 
 [navigation]
 name = "{navigation.name}"
@@ -168,6 +169,13 @@ position_sigma_m = {_list(navigation.position_sigma)}
 attitude_sigma_deg = {_list(np.degrees(navigation.attitude_sigma))}
 correlation_time_s = {navigation.correlation_time!r}
 """
+
+
+def _beams(scanner: Scanner) -> str:
+    """What the scanner's beams are, or of which kind it is without rings."""
+    if len(scanner.beam_elevations) > 1:
+        return f"beam_elevations_deg = {_list(np.degrees(scanner.beam_elevations))}"
+    return f'kind = "{"line" if len(scanner.beam_elevations) else "any"}"'
 
 
 def truth_text(survey: Survey, truth: Truth, site: Site) -> str:

@@ -1,6 +1,6 @@
 """One flight line through the scanner: pulses, rays, noise, a strip."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -94,6 +94,8 @@ class Recorder:
         rho = distance - offset + noise.range * growth
         azimuth, time = pulses.azimuth + noise.azimuth, pulses.time + self.errors.clock_delay
         strip = Strip(line.name, *(c[kept] for c in (time, pulses.ring, azimuth, rho)))
+        if not len(self.scanner.beam_elevations):
+            strip = replace(strip, elevation=pulses.elevation[kept])
         return strip, face[kept], kind[kept]
 
     def _measure(self, pulses: Pulses, elevation_noise):
@@ -105,7 +107,7 @@ class Recorder:
         for start in range(0, count, BATCH):
             part = slice(start, start + BATCH)
             pose, ring = self.motion.at(pulses.time[part]), pulses.ring[part]
-            elevation = self.scanner.beam_elevations[ring] + elevation_noise[part]
+            elevation = pulses.elevation[part] + elevation_noise[part]
             elevation += errors.elevation_offsets[ring]
             azimuth = pulses.azimuth[part] + errors.azimuth_offsets[ring]
             origin, direction = aim(pose, azimuth, elevation, self.mounting)

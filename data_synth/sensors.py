@@ -1,5 +1,10 @@
 """Scanners by their data sheets, a Velodyne VLP-16 Puck Hi-Res first, spinning about body forward.
 
+Two have no rings: a line scanner, one beam that a mirror turns across the flight, and a solid-state
+one, whose beam two turning prisms send through a rosette about nadir that never repeats (as of
+Livox; Brazeal et al., Sensors 21 (2021) 4722, describe such a pair). Both are of no maker: rates
+and fields are chosen so that they measure as many points as the first.
+
 l-frame: z along the spin axis, azimuth zero at nadir in the nominal mounting. Radians, seconds.
 Sources: Velodyne, VLP-16 User Manual 63-9243: 16 lasers fire 2.304 us apart, a sequence lasts
 55.296 us, the lasers of the lower and upper half take turns; the Hi-Res has beams every 1.333 deg.
@@ -24,27 +29,48 @@ RANGE_OFFSET_SIGMA = 0.03  # m, how well a beam's zero is known
 REFERENCE_DISTANCE, REFERENCE_REFLECTIVITY, LEAST_COSINE = 30.0, 0.4, 0.05
 #: Half of the swath that is kept, azimuth from nadir, rad.
 HALF_SWATH = np.radians(60.0)
+#: Half of the solid-state scanner's field, rad from nadir.
+HALF_ROSETTE = np.radians(35.0)
+#: From pulse to pulse of the scanners without rings, s; turns a second.
+PULSE_PERIOD, LINE_RATE = 1.0 / 300_000.0, 100.0  # of the line scanner
+PRISM_PERIOD, PRISM_RATES = 1.0 / 100_000.0, (121.6, -77.7)
 
 
 @dataclass(frozen=True)
 class Model:
     """A scanner as it is sold: its ``name``, ``elevations_deg`` (rings,) of the beams, ascending,
-    and the time from laser to laser and from sequence to sequence, s."""
+    none where a beam keeps no elevation; the time from laser to laser and from sequence to
+    sequence, s; turns of the rotor a second, or of each of its two prisms."""
 
     name: str
     elevations_deg: np.ndarray
     laser_period: float = LASER_PERIOD
     sequence_period: float = SEQUENCE_PERIOD
+    rotation_rate: float = ROTATION_RATE
+    prism_rates: tuple[float, float] | None = None
 
     @property
     def n_rings(self) -> int:
         """Number of beams."""
-        return len(self.elevations_deg)
+        return max(len(self.elevations_deg), 1)
 
     @property
     def firing_order(self) -> np.ndarray:
         """Rings in the order of fire: lowest, ninth (of 16), second, tenth, ..."""
+        if self.n_rings == 1:
+            return np.zeros(1, int)
         return np.arange(self.n_rings).reshape(2, -1).T.ravel()
+
+    def directions(self, time: np.ndarray, ring: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Azimuth and elevation (N,) rad of the beams ``ring`` (N,) at ``time`` (N,) s."""
+        if self.prism_rates is None:
+            turned = azimuth_at(time, self.rotation_rate)
+            return turned, self.specification.beam_elevations[ring]
+        y, z = np.zeros(len(time)), np.zeros(len(time))
+        for rate in self.prism_rates:  # each sends the beam aside by half of the field
+            y += 0.5 * np.tan(HALF_ROSETTE) * np.cos(azimuth_at(time, rate))
+            z += 0.5 * np.tan(HALF_ROSETTE) * np.sin(azimuth_at(time, rate))
+        return np.arctan2(y, 1.0), np.arctan2(z, np.hypot(y, 1.0))
 
     @property
     def specification(self) -> Scanner:
@@ -59,6 +85,10 @@ SCANNERS = {
     "VLP-16 Hi-Res": VLP16_HIRES,
     "VLP-16": Model("VLP-16", np.linspace(-15.0, 15.0, N_RINGS)),
     "HDL-32E": Model("HDL-32E", -92.0 / 3.0 + 4.0 / 3.0 * np.arange(32), 1.152e-6, 46.08e-6),
+    "line": Model("line scanner", np.zeros(1), 0.0, PULSE_PERIOD, LINE_RATE),
+    "solid-state": Model(
+        "solid-state scanner", np.empty(0), 0.0, PRISM_PERIOD, prism_rates=PRISM_RATES
+    ),
 }
 
 
@@ -94,11 +124,13 @@ def range_noise_factor(reflectivity, cosine, distance, growth: float) -> np.ndar
 
 @dataclass(frozen=True)
 class Pulses:
-    """Shots in order of time: ``time`` (N,) s, ``ring`` (N,) uint8, ``azimuth`` (N,) rad."""
+    """Shots in order of time: ``time`` (N,) s, ``ring`` (N,) uint8, ``azimuth`` and ``elevation``
+    (N,) rad."""
 
     time: np.ndarray
     ring: np.ndarray
     azimuth: np.ndarray
+    elevation: np.ndarray
 
     def __len__(self) -> int:
         return len(self.time)
@@ -107,17 +139,19 @@ class Pulses:
 def fire(start: float, duration: float, thinning: int = 1, model: Model = VLP16_HIRES) -> Pulses:
     """All pulses within the swath from ``start`` on, of one in ``thinning`` firing sequences."""
     sequence = start + model.sequence_period * _sequences(duration, thinning, model)
-    near = np.abs(azimuth_at(sequence)) < HALF_SWATH + 0.05
-    time = sequence[near, None] + model.laser_period * np.arange(model.n_rings)
-    azimuth = azimuth_at(time)
+    if model.prism_rates is None:
+        near = np.abs(azimuth_at(sequence, model.rotation_rate)) < HALF_SWATH + 0.05
+        sequence = sequence[near]
+    time = (sequence[:, None] + model.laser_period * np.arange(model.n_rings)).ravel()
+    ring = np.tile(model.firing_order.astype(np.uint8), len(sequence))
+    azimuth, elevation = model.directions(time, ring)
     kept = np.abs(azimuth) <= HALF_SWATH
-    ring = np.broadcast_to(model.firing_order.astype(np.uint8), time.shape)
-    return Pulses(time[kept], ring[kept], azimuth[kept])
+    return Pulses(time[kept], ring[kept], azimuth[kept], elevation[kept])
 
 
-def azimuth_at(time: np.ndarray) -> np.ndarray:
-    """Azimuth of the rotor, rad in [-pi, pi)."""
-    turns = ROTATION_RATE * time
+def azimuth_at(time: np.ndarray, rate: float = ROTATION_RATE) -> np.ndarray:
+    """Azimuth, rad in [-pi, pi), of what turns ``rate`` times a second."""
+    turns = rate * time
     return 2 * np.pi * (turns - np.floor(turns + 0.5))
 
 
@@ -126,6 +160,6 @@ def _sequences(duration: float, thinning: int, model: Model) -> np.ndarray:
     that a thin strip fills the ground as evenly as a full one."""
     count = int(duration / model.sequence_period)
     group = np.arange(0, count, thinning)
-    turn = np.floor(group * model.sequence_period * ROTATION_RATE).astype(int)
+    turn = np.floor(group * model.sequence_period * model.rotation_rate).astype(int)
     number = group + (7 * turn) % thinning
     return number[number < count]

@@ -126,7 +126,7 @@ def boresight_by_closest_points(survey: Survey, rays: dict[str, Rays], seed: int
     Chen and Medioni 1992; sections of a strip as in Glira et al. 2015.
     """
     rng = np.random.default_rng(seed)
-    sectors = list(_sectors(survey, rays, rng))
+    sectors = list(_sectors(rays, rng))
     strip = np.array([number for number, _ in sectors])
     scale = float(np.median(np.concatenate([of.rho for _, of in sectors])))
     others = [_others(a, strip, rng) for a in range(len(sectors))]
@@ -148,14 +148,15 @@ def boresight_by_closest_points(survey: Survey, rays: dict[str, Rays], seed: int
     return x
 
 
-def _sectors(survey: Survey, rays: dict[str, Rays], rng: np.random.Generator):
+def _sectors(rays: dict[str, Rays], rng: np.random.Generator):
     """Number of the strip and its rays in random order, by sector of beams."""
-    elevation = np.degrees(survey.scanner.beam_elevations)
-    count = max(1, round(np.ptp(elevation) / SECTOR_DEG))
-    sector = (elevation - elevation.min()) / max(np.ptp(elevation), 1e-9) * count
-    sector = np.minimum(sector.astype(int), count - 1)
+    low, high = (
+        np.degrees(edge([edge(of.elevation) for of in rays.values()])) for edge in (np.min, np.max)
+    )
+    count = max(1, round((high - low) / SECTOR_DEG))
     for number, of_strip in enumerate(rays.values()):
-        of_ray = sector[of_strip.ring]
+        sector = (np.degrees(of_strip.elevation) - low) / max(high - low, 1e-9) * count
+        of_ray = np.minimum(sector.astype(int), count - 1)
         for k in range(count):
             index = np.flatnonzero(of_ray == k)
             if len(index) > NEIGHBOURS:

@@ -278,11 +278,11 @@ def planes_under(
     ------
     TooFewPlanes
     """
-    in_fan = np.abs(survey.scanner.beam_elevations) <= np.deg2rad(search.fan_deg)
     generators = np.random.default_rng(0).spawn(len(points.rays))
     index, rays, surfaces = {}, {}, {}
     for (name, of_strip), rng in zip(points.rays.items(), generators, strict=True):
-        chosen = slice(None) if in_fan.all() else in_fan[of_strip.ring]
+        in_fan = np.abs(of_strip.elevation) <= np.deg2rad(search.fan_deg)
+        chosen = slice(None) if in_fan.all() else in_fan
         index[name], rays[name] = points.index[name][chosen], of_strip.take(chosen)
         surfaces[name] = extract(georeference(rays[name], mounting), search.roofs, rng)
     matches = match(surfaces, search.matching)

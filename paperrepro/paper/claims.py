@@ -374,8 +374,8 @@ def _ours() -> Iterator[Claim]:
         "errors of D are as large as its sigmas say, to a third")
     kinds = tuple(kind for kind in ERRORS if kind != SPECIFIED)
     yield Claim("ours-coverage-kinds", sigmas, OURS, under_kinds(coverage(FOUND), kinds),
-        "D as calibrate runs it, told the data sheet (the smoother's own sigmas of a smoother), keeps "
-        "honest sigmas under errors of kinds that it was not told")
+        "D as calibrate runs it, told the data sheet (of a smoother its own sigmas), keeps honest "
+        "sigmas under errors of kinds that it was not told")
     yield Claim("ours-wrong-prior", sigmas, OURS,
         in_settings(lambda r: {f"× {k:g}": coverage(mistaken_name(k)) for k in (2.0, 0.5)}, "mount",
                     noise=1.0),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from data_synth.sensors import (
+    HALF_ROSETTE,
     HALF_SWATH,
     LASER_PERIOD,
     N_RINGS,
@@ -39,7 +40,7 @@ def test_lower_and_upper_half_take_turns():
     assert FIRING_ORDER.tolist() == [0, 8, 1, 9, 2, 10, 3, 11, 4, 12, 5, 13, 6, 14, 7, 15]
 
 
-@pytest.mark.parametrize("name", SCANNERS)
+@pytest.mark.parametrize("name", [name for name in SCANNERS if SCANNERS[name].n_rings > 1])
 def test_scanners_are_those_that_an_operator_names(name):
     beams = np.degrees(SCANNERS[name].specification.beam_elevations)
     np.testing.assert_allclose(beams, beams_named(name), atol=1e-12)
@@ -54,6 +55,31 @@ def test_a_scanner_of_32_beams():
     first = np.sort(pulses.time[pulses.ring == 0])[:2]
     assert np.diff(first) == pytest.approx(46.08e-6, abs=1e-11)
     np.testing.assert_array_equal(model.firing_order[:4], (0, 16, 1, 17))
+
+
+def test_a_line_scanner_sweeps_a_plane_a_hundred_times_a_second():
+    pulses = fire(START, DURATION, model=SCANNERS["line"])
+    assert not pulses.ring.any()
+    assert not pulses.elevation.any()
+    assert len(pulses) / DURATION * np.pi / HALF_SWATH == pytest.approx(300_000, rel=1e-3)
+    lines = np.count_nonzero(np.diff(pulses.azimuth) < 0) / DURATION
+    assert lines == pytest.approx(100.0, abs=1.0)
+
+
+def test_a_solid_state_scanner_fills_a_cone_about_nadir_and_never_repeats():
+    pulses = fire(START, DURATION, model=SCANNERS["solid-state"])
+    assert len(pulses) / DURATION == pytest.approx(100_000, rel=1e-3)
+    off_nadir = np.arccos(np.cos(pulses.azimuth) * np.cos(pulses.elevation))
+    assert off_nadir.max() == pytest.approx(HALF_ROSETTE, rel=1e-3)
+    cells = np.floor(np.degrees(np.column_stack([pulses.azimuth, pulses.elevation])))
+    seen = [len(np.unique(cells[: n * 10_000], axis=0)) for n in (1, 10)]
+    assert seen[0] < seen[1]
+    assert seen[1] > 0.9 * np.pi * np.degrees(HALF_ROSETTE) ** 2
+    turns = [
+        np.column_stack([p.azimuth, p.elevation])
+        for p in (fire(START + k, 0.01, model=SCANNERS["solid-state"]) for k in (0, 1))
+    ]
+    assert np.abs(turns[0] - turns[1]).max() > 0.1
 
 
 def test_times_within_and_between_sequences(full):

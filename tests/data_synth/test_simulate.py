@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from data_synth import ObjectClass
+from data_synth import ObjectClass, make_config, simulate
 from data_synth.recording import DUST_SHARE
 from data_synth.sensors import azimuth_at
 from paperrepro.errors import BadInput
@@ -16,8 +16,8 @@ from paperrepro.survey import Rays
 
 
 def rays_at(poses, survey, strip, index) -> Rays:
-    ring = strip.ring[index]
-    elevation = survey.scanner.beam_elevations[ring]
+    ring, own = strip.ring[index], strip.elevation
+    elevation = survey.scanner.beam_elevations[ring] if own is None else own[index]
     return Rays(
         poses.at(strip.time[index]), ring, strip.azimuth[index], elevation, strip.rho[index]
     )
@@ -212,3 +212,15 @@ def test_another_scanner_over_a_larger_site(thin):
 def test_a_line_beside_the_site_is_refused(thin):
     with pytest.raises(BadInput, match="line away: no pulse meets anything"):
         thin(plan=[{"name": "away", "offset_m": 2000.0, "heading_deg": 0}])
+
+
+@pytest.mark.parametrize(("scanner", "rings"), [("line", 1), ("solid-state", 0)])
+def test_scanners_without_rings_measure_the_same_roofs(scanner, rings):
+    config = make_config(scanner=scanner, noise_scale=0.0, sensor_noise=False)
+    survey, truth = simulate(config)
+    assert len(survey.scanner.beam_elevations) == rings
+    for k, strip in enumerate(survey.strips[:2]):
+        assert (strip.elevation is None) == bool(rings)
+        residuals, *_ = on_faces(truth.trajectory, survey, truth, k)
+        assert len(residuals) > 1000
+        assert np.abs(residuals).max() < 1e-3

@@ -181,7 +181,7 @@ def find_noise(
     else:
         model, solution = _adjusted(survey, tie_planes, near, spacing, False)
     found = estimate(model, specified, solution, free)
-    if all_components:
+    if all_components and survey.scanner.n_rings > 1:
         beam_sigma = _find_beam_sigma(
             *_adjusted(survey, tie_planes, near, spacing, clock, BEAM_SIGMA, found)
         )
