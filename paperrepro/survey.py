@@ -337,6 +337,11 @@ class Survey:
             f"{self.scanner.name}, {self.navigation.name}, boresight ({boresight})°)"
         )
 
+    def elevation(self, strip: Strip) -> np.ndarray:
+        """(N,) rad of the strip's points: those of its rings, or their own."""
+        own = strip.elevation is not None
+        return np.asarray(strip.elevation) if own else self.scanner.beam_elevations[strip.ring]
+
     def rays(self, strip: Strip, index=slice(None)) -> Rays:
         """`Rays` of a strip, or of the chosen points of it.
 
@@ -349,12 +354,12 @@ class Survey:
                 f"{strip.name}: rings {ring.min()} to {ring.max()} found, {self.scanner.name} has "
                 f"{self.scanner.n_rings}, counted from 0; choose the right scanner or ring column"
             )
-        posed, own = part.pose is not None, part.elevation is not None
+        posed = part.pose is not None
         return Rays(
             np.asarray(part.pose) if posed else self.trajectory.at(part.time, strip.name),
             ring,
             np.asarray(part.azimuth, float),
-            np.asarray(part.elevation, float) if own else self.scanner.beam_elevations[ring],
+            self.elevation(part).astype(float, copy=False),
             np.asarray(part.rho, float),
             np.asarray(part.time),
         )

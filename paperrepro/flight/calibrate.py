@@ -185,10 +185,8 @@ def calibrate_flight(
     remarks += [*_constants(result), *implausible(result)]
     checks = model_checks(result, survey, found.boresights[-1])
     progress(f"distances of {len(pairs)} pairs of strips")
-    adjusted = None
-    if result.trajectory is not None:
-        adjusted = {name: result.trajectory.apply(rays) for name, rays in points.rays.items()}
-    distances = pair_distances(points.rays, pairs, survey.mounting, result.calibrated, adjusted)
+    adjust = None if result.trajectory is None else result.trajectory.apply
+    distances = pair_distances(points, pairs, survey.mounting, result.calibrated, adjust)
     rejected = (*found.rejected, *result.rejected)
     checked = None
     if checkpoints is not None:

@@ -20,21 +20,19 @@ SLOW = 1.0
 SAME_TIME = 5e-7
 #: Points nearer to each other than this, m, are one echo.
 SAME_RANGE = 1e-3
+#: Points looked at together.
+CHUNK = 1_000_000
 #: A line shorter than this, s, or with a smaller share of the file's points, is part of a turn.
 SHORTEST, SMALLEST = 3.0, 0.02
 
 
 def split(strip: Strip, poses_of: Callable[[np.ndarray], np.ndarray]) -> tuple[list[Strip], int]:
-    """Flight lines of ``strip``, points in order of time, and how many points of turns are left
-    out. ``poses_of`` gives the poses (K, 6) of the points at indices (K,) into the strip. One line
-    keeps the strip's name, several add ``.1``, ``.2``.
+    """Flight lines of ``strip``, whose points lie in order of time, and how many points of turns
+    are left out. ``poses_of`` gives the poses (K, 6) of the points at indices (K,) into the strip.
+    One line keeps the strip's name, several add ``.1``, ``.2``. They share the strip's memory.
     """
-    time = np.asarray(strip.time)
-    order = None if (np.diff(time) >= 0).all() else np.argsort(time, kind="stable")
-    if order is not None:
-        strip = strip.take(order)
     seconds = _seconds(strip.time)
-    edges = _edges(strip.time, seconds, poses_of(seconds if order is None else order[seconds]))
+    edges = _edges(strip.time, seconds, poses_of(seconds))
     if len(edges) == 2:
         return [strip], 0
     parts = [slice(*ends) for ends in pairwise(edges)]
@@ -51,8 +49,12 @@ def _is_line(time: np.ndarray, count: int) -> bool:
 
 def _seconds(time: np.ndarray) -> np.ndarray:
     """Index of the first point of each second."""
-    second = np.floor(time - time[0]).astype(np.int64)
-    return np.flatnonzero(np.r_[True, np.diff(second) > 0])
+    first, before = [], -1.0
+    for start in range(0, len(time), CHUNK):
+        second = np.floor(time[start : start + CHUNK] - time[0])
+        first.append(start + np.flatnonzero(np.diff(second, prepend=before) > 0))
+        before = second[-1]
+    return np.concatenate(first)
 
 
 def _edges(time: np.ndarray, seconds: np.ndarray, pose: np.ndarray) -> list[int]:
@@ -100,6 +102,9 @@ def joined(strips: list[Strip]) -> tuple[list[Strip], list[str]]:
     out, notes = {}, []
     for group in (sorted(group) for group in groups):
         parts = [strips[k] for k in group]
+        if len(parts) == 1 and not _holds_repeats(parts[0].time):
+            out[group[0]] = parts[0]
+            continue
         whole = _concatenated(parts) if len(parts) > 1 else parts[0]
         once = _first_of_pulse(whole, np.repeat(range(len(parts)), [len(p) for p in parts]))
         out[group[0]] = whole.take(once) if len(once) < len(whole) else whole
@@ -126,11 +131,15 @@ def _concatenated(parts: list[Strip]) -> Strip:
     return Strip(parts[0].name, *columns, pose)
 
 
+def _holds_repeats(time: np.ndarray) -> bool:
+    """Whether two of ascending times (N,) are of one pulse."""
+    parts = (time[start : start + CHUNK + 1] for start in range(0, len(time), CHUNK))
+    return any((np.diff(part) < SAME_TIME).any() for part in parts)
+
+
 def _first_of_pulse(strip: Strip, part: np.ndarray) -> np.ndarray:
     """Indices, in order of time, without repeats: the pulses that another ``part`` (N,) holds too,
     and the echoes that one part holds twice."""
-    if not part.any() and not (np.diff(strip.time) < SAME_TIME).any():
-        return np.arange(len(strip))
     order = np.lexsort((strip.rho, part, strip.time, strip.ring))
     time, ring, rho = strip.time[order], strip.ring[order], strip.rho[order]
     same = (np.diff(time) < SAME_TIME) & (np.diff(ring) == 0)

@@ -9,7 +9,7 @@ decided once, under the calibrated mounting, and the same correspondences are me
 other. A neighbourhood that is not planar, as in a crown, takes no part.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from paperrepro.errors import TooFewPlanes
 from paperrepro.method.adjustment.conditions import FaceStates
 from paperrepro.method.cells import extent, inside
-from paperrepro.method.coarse_to_fine import PlaneSurvey
+from paperrepro.method.coarse_to_fine import Candidates, PlaneSurvey
 from paperrepro.method.georeference import georeference
 from paperrepro.method.matching import MatchParameters, match
 from paperrepro.method.roofs import Face, RoofParameters, Roofs, candidates, extract, virtual_point
@@ -232,11 +232,16 @@ class Correspondences:
     index: np.ndarray
     neighbours: np.ndarray
 
-    def distances(self, samples: Mapping[str, Rays], mounting: Mounting) -> np.ndarray:
-        """Signed distances (N,) m of the points from the planes of their neighbours."""
-        p_m = georeference(samples[self.first].take(self.index), mounting)
-        q_m = georeference(samples[self.second].take(self.neighbours.ravel()), mounting)
-        return over_planes(p_m, q_m.reshape(*self.neighbours.shape, 3))
+    def rays(self, points: Candidates) -> tuple[Rays, Rays]:
+        """Of the points (N,) and, one point's after the other's, of their neighbours (N k,)."""
+        of_first = points.rays_of(self.first, self.index)
+        return of_first, points.rays_of(self.second, self.neighbours.ravel())
+
+    def distances(self, rays: Rays, others: Rays, mounting: Mounting) -> np.ndarray:
+        """Signed distances (N,) m of the points from the planes of their neighbours, whose `rays`
+        these are."""
+        q_m = georeference(others, mounting).reshape(*self.neighbours.shape, 3)
+        return over_planes(georeference(rays, mounting), q_m)
 
 
 @dataclass(frozen=True)
@@ -285,23 +290,24 @@ def overlaps(samples: Mapping[str, Rays], mounting: Mounting) -> dict[tuple[str,
 
 
 def pair_distances(
-    samples: Mapping[str, Rays],
+    points: Candidates,
     pairs: Mapping[tuple[str, str], float],
     before: Mounting,
     after: Mounting,
-    adjusted: Mapping[str, Rays] | None = None,
+    adjust: Callable[[Rays], Rays] | None = None,
 ) -> tuple[PairDistances, ...]:
-    """Distances of all ``pairs``, as `overlaps` gives them, under two mountings, and of the
-    ``adjusted`` samples under the latter."""
-    p_m = {name: georeference(rays, after) for name, rays in samples.items()}
+    """Distances of all ``pairs``, as `overlaps` gives them, under two mountings, and of rays that
+    ``adjust`` gives other poses under the latter."""
+    p_m = {name: georeference(rays, after) for name, rays in points.rays.items()}
     trees = {name: cKDTree(p) for name, p in p_m.items()}
     measured = []
     for (first, second), share in pairs.items():
         both = correspondences(first, second, p_m, tree=trees[second])
         if len(both.index) >= LEAST_POINTS:
-            distances = [both.distances(samples, mounting) for mounting in (before, after)]
-            if adjusted is not None:
-                distances.append(both.distances(adjusted, after))
+            rays = both.rays(points)
+            distances = [both.distances(*rays, mounting) for mounting in (before, after)]
+            if adjust is not None:
+                distances.append(both.distances(*map(adjust, rays), after))
             measured.append(PairDistances(first, second, share, *distances))
     return tuple(measured)
 

@@ -8,9 +8,9 @@ boresight under which they were found no longer changes. Planes of any kind are 
 boresight on which closest points agree, which needs no planes.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from paperrepro.errors import NoConvergence, TooFewPlanes
 from paperrepro.method.adjustment import scenarios
 from paperrepro.method.adjustment.screening import screen
 from paperrepro.method.closest_points import boresight_by_closest_points
-from paperrepro.method.georeference import georeference
+from paperrepro.method.georeference import georeference, georeference_strip
 from paperrepro.method.matching import FaceKey, FacePair, MatchParameters, match
 from paperrepro.method.patches import choose, find_patches
 from paperrepro.method.roofs import RoofParameters, Roofs, candidates, extract
@@ -36,6 +36,8 @@ Progress = Callable[[str], None]
 FOR_SEARCH = "SL without offsets"
 #: Most points of a strip that are looked at for planes of any kind, and planes.
 MOST_POINTS, MOST_PLANES = 400_000, 200
+#: Points of a strip that are judged together: 60 bytes each.
+PIECE = 6_000_000
 
 
 def silent(words: str) -> None:
@@ -44,11 +46,49 @@ def silent(words: str) -> None:
 
 @dataclass(frozen=True)
 class Candidates:
-    """Points among which planes are sought, by strip: ``index`` (K,) into the strip, and their
-    ``rays``."""
+    """Points among which planes are sought: ``index`` (K,) into each strip, by its name, and a
+    ``survey`` of these points alone. Rays, four times as large, are made where they are used."""
 
     index: dict[str, np.ndarray]
-    rays: dict[str, Rays]
+    survey: Survey
+
+    @classmethod
+    def of(cls, survey: Survey, index: dict[str, np.ndarray]) -> "Candidates":
+        """The points at ``index`` by strip."""
+        strips = tuple(survey.strip(name).take(rows) for name, rows in index.items())
+        return cls(index, replace(survey, strips=strips, reference=None))
+
+    @property
+    def rays(self) -> Mapping[str, Rays]:
+        """By strip; made anew whenever one is asked for."""
+        return _RaysByStrip(self)
+
+    def rays_of(self, strip: str, rows=slice(None)) -> Rays:
+        """Of one strip, all or those at ``rows``."""
+        return self.survey.rays(self.survey.strip(strip), rows)
+
+    def chosen(self, rows: Mapping[str, np.ndarray]) -> "Candidates":
+        """Those at ``rows``, by strip."""
+        index = {name: self.index[name][of_strip] for name, of_strip in rows.items()}
+        return Candidates(index, Candidates.of(self.survey, dict(rows)).survey)
+
+
+class _RaysByStrip(Mapping):
+    """`Candidates.rays`."""
+
+    def __init__(self, points: Candidates):
+        self._points = points
+
+    def __getitem__(self, strip: str) -> Rays:
+        if strip not in self._points.index:
+            raise KeyError(strip)
+        return self._points.rays_of(strip)
+
+    def __iter__(self):
+        return iter(self._points.index)
+
+    def __len__(self) -> int:
+        return len(self._points.index)
 
 
 @dataclass(frozen=True)
@@ -118,27 +158,29 @@ class PlaneSurvey:
 def find_candidates(
     survey: Survey, roofs: RoofParameters | None = None, progress: Progress = silent
 ) -> Candidates:
-    """Outlier removal and ground filter of every strip, one strip in memory at a time."""
-    index, rays = {}, {}
+    """Outlier removal and ground filter of every strip, a piece of at most `PIECE` points at a
+    time: where a strip is cut is like the end of one."""
+    index = {}
     for strip in survey.strips:
         progress(f"{strip.name}: points above the ground")
-        of_strip = survey.rays(strip)
-        index[strip.name] = candidates(georeference(of_strip, survey.mounting), roofs)
-        rays[strip.name] = of_strip.take(index[strip.name])
-    return Candidates(index, rays)
+        pieces = -(-len(strip) // PIECE) or 1
+        found = []
+        for first, last in pairwise(np.linspace(0, len(strip), pieces + 1).astype(int)):
+            p_m = georeference_strip(survey, strip.take(slice(first, last)))
+            found.append(first + candidates(p_m, roofs))
+        index[strip.name] = np.concatenate(found)
+    return Candidates.of(survey, index)
 
 
 def sample_rays(survey: Survey, seed: int = 0) -> Candidates:
     """At most `MOST_POINTS` rays of each strip, drawn at random, in their order."""
     generators = np.random.default_rng(seed).spawn(len(survey.strips))
-    index, rays = {}, {}
+    index = {}
     for strip, rng in zip(survey.strips, generators, strict=True):
-        chosen = np.arange(len(strip))
+        index[strip.name] = np.arange(len(strip))
         if len(strip) > MOST_POINTS:
-            chosen = np.sort(rng.choice(len(strip), MOST_POINTS, replace=False))
-        index[strip.name] = chosen
-        rays[strip.name] = survey.rays(strip, chosen)
-    return Candidates(index, rays)
+            index[strip.name] = np.sort(rng.choice(len(strip), MOST_POINTS, replace=False))
+    return Candidates.of(survey, index)
 
 
 def find_roofs(
@@ -219,7 +261,7 @@ def find_planes(
         [((strip, number), index) for strip, index in patch.views.items()]
         for number, patch in enumerate(chosen)
     ]
-    found = _screened(survey, mounting, points.index, points.rays, {}, ties)
+    found = _screened(survey, mounting, points, {}, ties)
     return replace(found, boresights=np.array([survey.mounting.boresight, boresight]))
 
 
@@ -279,36 +321,40 @@ def planes_under(
     TooFewPlanes
     """
     generators = np.random.default_rng(0).spawn(len(points.rays))
-    index, rays, surfaces = {}, {}, {}
-    for (name, of_strip), rng in zip(points.rays.items(), generators, strict=True):
-        in_fan = np.abs(of_strip.elevation) <= np.deg2rad(search.fan_deg)
-        chosen = slice(None) if in_fan.all() else in_fan
-        index[name], rays[name] = points.index[name][chosen], of_strip.take(chosen)
-        surfaces[name] = extract(georeference(rays[name], mounting), search.roofs, rng)
+    in_fan = {
+        strip.name: np.abs(points.survey.elevation(strip)) <= np.deg2rad(search.fan_deg)
+        for strip in points.survey.strips
+    }
+    if not all(chosen.all() for chosen in in_fan.values()):
+        points = points.chosen(in_fan)
+    surfaces = {
+        strip.name: extract(georeference_strip(points.survey, strip, mounting), search.roofs, rng)
+        for strip, rng in zip(points.survey.strips, generators, strict=True)
+    }
     matches = match(surfaces, search.matching)
     ties = [
         [((strip, face), surfaces[strip].faces[face].points) for strip, face in tie]
         for tie in matches.connected_faces()
     ]
-    return _screened(survey, mounting, index, rays, surfaces, ties, matches.pairs)
+    return _screened(survey, mounting, points, surfaces, ties, matches.pairs)
 
 
 def _screened(
-    survey: Survey, mounting: Mounting, index: dict[str, np.ndarray], rays: dict[str, Rays],
-    surfaces: dict[str, Roofs], views: list[TieViews], pairs: Sequence[FacePair] | None = None,
+    survey: Survey, mounting: Mounting, points: Candidates, surfaces: dict[str, Roofs],
+    views: list[TieViews], pairs: Sequence[FacePair] | None = None,
 ) -> PlaneSurvey:  # fmt: skip
     """Tie planes of ``views``, without those that do not lie on the plane they were matched to;
     ``pairs`` are all of a plane's if None."""
     if pairs is None:
         keys = [[key for key, _ in tie] for tie in views]
         pairs = [FacePair(*pair) for tie in keys for pair in combinations(tie, 2)]
-    planes = _tie_planes(rays, views, pairs)
+    planes = _tie_planes(points, views, pairs)
     screening = screen(replace(survey, mounting=mounting), planes)
     if screening.rejected:
         kept = iter(screening.kept)
         views = [[view for view in tie if next(kept)] for tie in views if len(tie) > 1]
-        planes = _tie_planes(rays, views, pairs)
-    views = [tie for tie in views if len(tie) > 1]
+        planes = _tie_planes(points, views, pairs)
+    views, index = [tie for tie in views if len(tie) > 1], points.index
     return PlaneSurvey(
         mounting, surfaces, tuple(pairs), tuple(tuple(key for key, _ in tie) for tie in views),
         planes, tuple((strip, index[strip][rows]) for tie in views for (strip, _), rows in tie),
@@ -316,15 +362,22 @@ def _screened(
     )  # fmt: skip
 
 
-def _tie_planes(rays: dict[str, Rays], ties: list[TieViews], pairs) -> TiePlanes:
+def _tie_planes(points: Candidates, ties: list[TieViews], pairs) -> TiePlanes:
     """The faces of ``ties`` that two views or more show, as the adjustment takes them."""
-    ties = [tie for tie in ties if len(tie) > 1]
-    keys = [key for tie in ties for key, _ in tie]
+    views = [view for tie in ties if len(tie) > 1 for view in tie]
+    keys = [key for key, _ in views]
     number = {key: position for position, key in enumerate(keys)}
+    faces = {}
+    for strip in {strip: None for strip, _ in keys}:
+        of_strip = [(key, rows) for key, rows in views if key[0] == strip]
+        rays = points.rays_of(strip, np.concatenate([rows for _, rows in of_strip]))
+        stops = np.cumsum([len(rows) for _, rows in of_strip])
+        for (key, rows), stop in zip(of_strip, stops.tolist(), strict=True):
+            faces[key] = rays.take(slice(stop - len(rows), stop))
     return TiePlanes.build(
-        [rays[strip].take(rows) for tie in ties for (strip, _), rows in tie],
+        [faces[key] for key in keys],
         [strip for strip, _ in keys],
-        [[number[key] for key, _ in tie] for tie in ties],
+        [[number[key] for key, _ in tie] for tie in ties if len(tie) > 1],
         [
             (number[pair.reference], number[pair.search])
             for pair in pairs

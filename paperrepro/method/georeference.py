@@ -16,6 +16,8 @@ from paperrepro.survey import Mounting, Rays, Strip, Survey
 BORESIGHT = ("omega", "phi", "kappa")
 #: Observations of one laser point, in the order of `point_jacobians`.
 OBSERVATIONS = ("east", "north", "up", "roll", "pitch", "heading", "range", "azimuth", "elevation")
+#: Rays of a strip at a time, which take four times as much memory as the strip.
+CHUNK = 1_000_000
 #: (3, 3, 3): the k-th matrix times a vector is the k-th axis x the vector.
 AXIS_CROSS = np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(0, 2, 1)
 
@@ -64,7 +66,12 @@ def georeference_strip(
     survey: Survey, strip: Strip, mounting: Mounting | None = None
 ) -> np.ndarray:
     """Points (N, 3) m, m-frame, of a whole strip; by default under the survey's own mounting."""
-    return georeference(survey.rays(strip), survey.mounting if mounting is None else mounting)
+    mounting = survey.mounting if mounting is None else mounting
+    p_m = np.empty((len(strip), 3))
+    for start in range(0, max(len(strip), 1), CHUNK):
+        part = slice(start, start + CHUNK)
+        p_m[part] = georeference(survey.rays(strip, part), mounting)
+    return p_m
 
 
 @numba.njit(cache=True)

@@ -144,8 +144,8 @@ def test_what_is_said_of_before_is_under_the_nominal_mounting(any_planes):
 
 
 def test_true_mounting_against_itself_has_equal_distances(few, flown):
-    samples, mounting = sample_rays(few).rays, flown.truth.mounting
-    for pair in pair_distances(samples, overlaps(samples, mounting), mounting, mounting):
+    samples, mounting = sample_rays(few), flown.truth.mounting
+    for pair in pair_distances(samples, overlaps(samples.rays, mounting), mounting, mounting):
         np.testing.assert_array_equal(pair.before, pair.after)
 
 
