@@ -82,7 +82,10 @@ class Trajectory:
     def rate(self, time: np.ndarray) -> np.ndarray:
         """(N, 6) m/s and rad/s: how fast the pose changes at ``time`` (N,)."""
         _, rate = self._nodes()
-        return np.column_stack([np.interp(time, self.time, column) for column in rate.T])
+        out = np.empty((len(time), 6))
+        for k, column in enumerate(rate.T):
+            out[:, k] = np.interp(time, self.time, column)
+        return out
 
     def _nodes(self) -> tuple[np.ndarray, np.ndarray]:
         pose = np.column_stack([self.position, np.unwrap(self.attitude, axis=0)])

@@ -38,6 +38,8 @@ FOR_SEARCH = "SL without offsets"
 MOST_POINTS, MOST_PLANES = 400_000, 200
 #: Points of a strip that are judged together: 60 bytes each.
 PIECE = 6_000_000
+#: Points of all tie planes at most: 400 bytes each in the adjustment.
+MOST_OF_PLANES = 3_000_000
 
 
 def silent(words: str) -> None:
@@ -115,8 +117,9 @@ class PlaneSurvey:
     ``surfaces`` by strip, whose points index the `Candidates` of the beams used, none of planes of
     any kind; ``pairs`` of views as matched, ``ties``, the physical faces; ``tie_planes`` what the
     adjustment takes, its faces in the order of ``keys`` (strip, number of the surface), their
-    points ``views`` (strip, indices into the strip); ``rejected`` faces, wrong matches that are in
-    ``pairs`` but not in ``ties``; ``agreed`` (3,) rad, the boresight on which the others agree;
+    points ``views`` (strip, indices into the strip), `MOST_OF_PLANES` in all; ``rejected`` faces,
+    wrong matches that are in ``pairs`` but not in ``ties``; ``agreed`` (3,) rad, the boresight on
+    which the others agree;
     ``boresights`` (passes + 1, 3) rad, as the search went.
     """
 
@@ -283,6 +286,7 @@ def _search(
         if search is last and change < last.settled_deg:
             return replace(found, boresights=np.array(boresights))
         mounting = mounting.with_calibration(boresights[-1])
+        found = None  # the next pass needs its memory
     raise NoConvergence(
         f"the planes did not settle in {last.max_passes} passes, last change {change:.3f} deg "
         f"(limit {last.settled_deg:.3f} deg); look for wrong matches, or start closer to the "
@@ -348,6 +352,7 @@ def _screened(
     if pairs is None:
         keys = [[key for key, _ in tie] for tie in views]
         pairs = [FacePair(*pair) for tie in keys for pair in combinations(tie, 2)]
+    views = _limited(views)
     planes = _tie_planes(points, views, pairs)
     screening = screen(replace(survey, mounting=mounting), planes)
     if screening.rejected:
@@ -360,6 +365,21 @@ def _screened(
         planes, tuple((strip, index[strip][rows]) for tie in views for (strip, _), rows in tie),
         screening.rejected, screening.boresight, np.array([mounting.boresight]),
     )  # fmt: skip
+
+
+def _limited(views: list[TieViews]) -> list[TieViews]:
+    """With `MOST_OF_PLANES` points at most: of the largest, as many of each, evenly spaced."""
+    count = np.sort([len(rows) for tie in views for _, rows in tie])
+    before, left = np.cumsum(count) - count, np.arange(len(count), 0, -1)
+    full = int((before + count * left <= MOST_OF_PLANES).sum())  # views that keep all they have
+    if full == len(count):
+        return views
+    most = int(MOST_OF_PLANES - before[full]) // int(left[full])
+    return [
+        [(key, rows[np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int)])
+         for key, rows in tie]
+        for tie in views
+    ]  # fmt: skip
 
 
 def _tie_planes(points: Candidates, ties: list[TieViews], pairs) -> TiePlanes:

@@ -16,6 +16,7 @@ part moves all strips alike, and the planes are unknown too: only the tilts of t
 turns tell it from them. Without such tilts it keeps what it was before the flight.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numba
@@ -120,23 +121,30 @@ class Cells:
     node: np.ndarray
 
     @classmethod
-    def of(cls, tie_planes: TiePlanes, nodes: Nodes, rate: np.ndarray | None = None) -> "Cells":
-        face = np.repeat(
-            np.arange(len(tie_planes.ranges)), np.diff(tie_planes.ranges, axis=1)[:, 0]
-        )
-        node, share = nodes.locate(tie_planes.rays.time)
-        moment = np.floor((tie_planes.rays.time - nodes.time[0]) / MOMENT).astype(int)
-        key = (face * len(nodes.time) + node) * (moment.max() + 1) + moment
-        order = np.argsort(key, kind="stable")
-        first = np.flatnonzero(np.r_[True, np.diff(key[order]) > 0])
-        ranges = np.column_stack([first, np.r_[first[1:], len(key)]]).astype(np.int64)
-        chosen = order[first]
-        face_of_cell = face[chosen]
+    def of(
+        cls, tie_planes: TiePlanes, nodes: Nodes,
+        rate: Callable[[np.ndarray], np.ndarray] | None = None,
+    ) -> "Cells":  # fmt: skip
+        """``rate`` gives that of the pose at times (N,)."""
+        order, share, first, face, node = _by_cell(tie_planes, nodes)
         return cls(
-            order, PreparedRays.of(tie_planes.rays.take(order)), share[order],
-            np.empty((0, 6)) if rate is None else np.ascontiguousarray(rate[order]), ranges,
-            tie_planes.plane[face_of_cell], face_of_cell, node[chosen],
+            order, PreparedRays.of(tie_planes.rays.take(order)), share,
+            np.empty((0, 6)) if rate is None else rate(tie_planes.rays.time)[order],
+            np.column_stack([first, np.r_[first[1:], len(order)]]).astype(np.int64),
+            tie_planes.plane[face], face, node,
         )  # fmt: skip
+
+
+def _by_cell(tie_planes: TiePlanes, nodes: Nodes) -> tuple[np.ndarray, ...]:
+    """``order`` and ``share`` (N,) as `Cells` have them; (C,) where cells begin, their faces, their
+    nodes."""
+    face = np.repeat(np.arange(len(tie_planes.ranges)), np.diff(tie_planes.ranges, axis=1)[:, 0])
+    node, share = nodes.locate(tie_planes.rays.time)
+    moment = np.floor((tie_planes.rays.time - nodes.time[0]) / MOMENT).astype(int)
+    key = (face * len(nodes.time) + node) * (moment.max() + 1) + moment
+    order = np.argsort(key, kind="stable")
+    first = np.flatnonzero(np.r_[True, np.diff(key[order]) > 0])
+    return order, share[order], first, face[order[first]], node[order[first]]
 
 
 @dataclass(frozen=True)

@@ -127,8 +127,7 @@ class TrajectoryModel:
         nodes = Nodes.covering(tie_planes.rays.time, spacing)
         variances = observation_variances(survey.navigation, survey.scanner)
         variances[:N_COMPONENTS] = 0.0  # the error that these stand for is an unknown now
-        rate = survey.trajectory.rate(tie_planes.rays.time) if clock else None
-        cells = Cells.of(tie_planes, nodes, rate)
+        cells = Cells.of(tie_planes, nodes, survey.trajectory.rate if clock else None)
         _, _, rows = np.linalg.svd(states.plane[:, None, :3])  # rows 1, 2 span what is square to n
         axes = rows[:, 1:].transpose(0, 2, 1)
         to_plane = _to_plane(tie_planes, unknowns, start, states.centroid, axes)

@@ -145,7 +145,7 @@ def small():
     )
     unknowns = replace(model.unknowns, clock=True)
     model = replace(
-        model, unknowns=unknowns, cells=Cells.of(tie_planes, model.nodes, rate),
+        model, unknowns=unknowns, cells=Cells.of(tie_planes, model.nodes, lambda _: rate),
         pseudo_weight=unknowns.pseudo_weight(SCANNER.range_offset_sigma),
     )  # fmt: skip
     model = replace(
