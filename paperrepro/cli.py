@@ -194,36 +194,16 @@ def _say(options: argparse.Namespace) -> Callable[[str], None]:
     return (lambda words: None) if options.quiet else lambda words: print(words, flush=True)
 
 
-class _Steps:
-    """A progress bar on a terminal, elsewhere a line for each step. The bar grows with the work:
-    how long it is going to be is known in part only."""
+#: Reading, three passes, the adjustment, distances, the report.
+_USUAL_STEPS = 7
 
-    #: Reading, three passes, the adjustment, distances, the report.
-    USUAL = 7
 
-    def __init__(self, options: argparse.Namespace):
-        from tqdm import tqdm
+def _steps(options: argparse.Namespace):
+    """How a command on strips tells how far it is."""
+    from paperrepro._progress import Steps
 
-        self.lines = not options.quiet and (options.verbose or not sys.stderr.isatty())
-        self.start = time.monotonic()
-        self.bar = tqdm(
-            total=len(options.strips) + self.USUAL, disable=options.quiet or self.lines,
-            leave=False, bar_format="{percentage:3.0f} %|{bar:30}| {elapsed} {desc}",
-        )  # fmt: skip
-
-    def __call__(self, words: str) -> None:
-        if self.lines:
-            print(f"{time.monotonic() - self.start:7.1f} s  {words}", flush=True)
-        elif not self.bar.disable:
-            self.bar.set_description_str(words, refresh=False)
-            self.bar.total = max(self.bar.total, self.bar.n + 2)
-            self.bar.update(1)
-
-    def __enter__(self) -> "_Steps":
-        return self
-
-    def __exit__(self, *_) -> None:
-        self.bar.close()
+    lines = options.verbose or not sys.stderr.isatty()
+    return Steps(len(options.strips) + _USUAL_STEPS, lines, options.quiet)
 
 
 # The commands, in the order of work
@@ -321,11 +301,11 @@ def _calibrate(options: argparse.Namespace) -> int:
     if options.write_trajectory and (options.scenario[0] != "D" or not options.trajectory):
         raise BadInput("--write-trajectory: needs scenario D and --trajectory; give both")
     calibration, pages = pr.flight.calibration_file, pr.figures.pages
-    with written_whole(options.out) as draft, _Steps(options) as steps:
+    with written_whole(options.out) as draft, _steps(options) as steps:
         steps("reading")
         flight = pr.read_flight(
             options.strips, options.trajectory, options.mounting, accuracy=options.accuracy,
-            crs=options.crs, ring_dimension=options.ring_dimension,
+            crs=options.crs, ring_dimension=options.ring_dimension, progress=steps.within,
         )  # fmt: skip
         if options.write_strips:
             pr.flight.write.require_writable(flight, options.out)
@@ -345,7 +325,8 @@ def _calibrate(options: argparse.Namespace) -> int:
         if options.write_strips:
             steps("adjusted strips")
             correct = errors.poses if errors and not options.mounting_only else None
-            pr.flight.write.write_strips(flight, own.result.calibrated, draft, correct)
+            mounting = own.result.calibrated
+            pr.flight.write.write_strips(flight, mounting, draft, correct, steps.within)
     first = f"{options.out}: {calibration.NAME}, {pages.NAME}"
     _say(options)("\n".join([first, *flight.notes, own.summary()]))
     return 0
@@ -371,11 +352,13 @@ def _apply_options(commands) -> None:
 
 def _apply(options: argparse.Namespace) -> int:
     say = _say(options)
-    applied = pr.apply_calibration(
-        options.strips, options.trajectory, options.mounting, options.calibration, options.out,
-        crs=options.crs, ring_dimension=options.ring_dimension, mounting_only=options.mounting_only,
-        checkpoints=options.checkpoints,
-    )  # fmt: skip
+    with _steps(options) as steps:
+        applied = pr.apply_calibration(
+            options.strips, options.trajectory, options.mounting, options.calibration, options.out,
+            crs=options.crs, ring_dimension=options.ring_dimension,
+            mounting_only=options.mounting_only, checkpoints=options.checkpoints,
+            progress=steps.within,
+        )  # fmt: skip
     written = f"{options.out}: {len(applied.strips)} strips, {applied.points} points"
     say("\n".join([*(f"note: {note}" for note in applied.notes), written, *applied.heights]))
     return 0

@@ -16,7 +16,7 @@ PACKAGES = ("paperrepro", "data_synth")
 #: The rooms in the order of imports, each of what stands before it; those of one line do not know
 #: each other.
 FLOORS = (
-    {"errors", "_files", "_cache", "_compiled"},
+    {"errors", "_files", "_cache", "_compiled", "_progress"},
     {"frames"},
     {"survey"},
     {"method"},

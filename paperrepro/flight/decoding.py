@@ -99,11 +99,12 @@ def local_points(grid: Grid, xyz: np.ndarray, frame: LocalFrame) -> np.ndarray:
     return frame.from_geodetic(*grid.to_geodetic(xyz))
 
 
-def sampled(file, timed: bool = True) -> Records:
-    """A sample of a file's records; its clock must run and its rings differ.
+def sampled(file, timed: bool = True, done: Callable[[int], None] | None = None) -> Records:
+    """A sample of a file's records; its clock must run and its rings differ. ``done`` is told how
+    many were read.
 
     Raises `BadInput`, `EmptyStrip`."""
-    parts = [file.decoded(chunk) for chunk in file.sample() if len(chunk)]
+    parts = [file.decoded(chunk) for chunk in file.sample(done) if len(chunk)]
     if not parts:
         raise EmptyStrip(f"{file.path}: every point is withheld or noise; leave the strip out")
     columns = {
@@ -183,12 +184,14 @@ def fits_of_poses(
     return fits
 
 
-def read_strip(decoder: Decoder, file) -> tuple[Strip, list[str]]:
-    """All usable points of a file, in order of time, and notes on those that are left out. Range
-    is float32 (4 um at 100 m): 21 bytes a point, held once. Raises `BadInput`,
-    `OutsideTrajectory`."""
+def read_strip(
+    decoder: Decoder, file, done: Callable[[int], None] | None = None
+) -> tuple[Strip, list[str]]:
+    """All usable points of a file, in order of time, and notes on those that are left out; ``done``
+    is told how many were read. Range is float32 (4 um at 100 m): 21 bytes a point, held once.
+    Raises `BadInput`, `OutsideTrajectory`."""
     columns, lost, n, end = [], {}, 0, 0
-    for chunk in file.chunks():
+    for chunk in file.chunks(done=done):
         records = file.decoded(file.usable(chunk))
         if not len(records.time):
             continue

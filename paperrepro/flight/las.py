@@ -6,7 +6,7 @@ that an interrupted writer left behind is mended with a note, what cannot be is 
 
 import logging
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -48,19 +48,26 @@ class StripFile:
     notes: tuple[str, ...] = ()
     hindrance: str = ""
 
-    def chunks(self, size: int = CHUNK) -> Iterator[laspy.ScaleAwarePointRecord]:
-        """All records in order. Raises `BadInput` where the file ends too early."""
+    def chunks(
+        self, size: int = CHUNK, done: Callable[[int], None] | None = None
+    ) -> Iterator[laspy.ScaleAwarePointRecord]:
+        """All records in order; ``done`` is told how many were dealt with. Raises `BadInput` where
+        the file ends too early."""
         seen = 0
         with opened(self.path) as reader:
             while seen < self.count:
                 chunk = _read(reader, min(size, self.count - seen), self.path, seen)
                 seen += len(chunk)
                 yield chunk
+                if done:
+                    done(len(chunk))
 
-    def sample(self) -> Iterator[laspy.ScaleAwarePointRecord]:
-        """Some `SAMPLE` usable records, evenly spread; reads the whole file. Raises as `chunks`."""
+    def sample(
+        self, done: Callable[[int], None] | None = None
+    ) -> Iterator[laspy.ScaleAwarePointRecord]:
+        """Some `SAMPLE` usable records, evenly spread; reads the whole file. As `chunks`."""
         every, start = max(1, self.count // SAMPLE), 0
-        for chunk in self.chunks():
+        for chunk in self.chunks(done=done):
             part = chunk[np.arange(-start % every, len(chunk), every)]
             start += len(chunk)
             yield self.usable(part)

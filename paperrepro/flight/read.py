@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from paperrepro._progress import Remaining
 from paperrepro.errors import BadInput
 from paperrepro.flight import consistency, decoding, flight_lines
 from paperrepro.flight.consistency import Names
@@ -36,6 +37,7 @@ from paperrepro.flight.table import (
     pose_columns,
     read_points,
 )
+from paperrepro.method.coarse_to_fine import Progress, silent
 from paperrepro.method.control import ControlPoints
 from paperrepro.survey import Scanner, Strip, Survey, Trajectory
 
@@ -87,6 +89,7 @@ def read_flight(
     crs: str | None = None,
     ring_dimension: str = "user_data",
     frame: LocalFrame | None = None,
+    progress: Progress = silent,
 ) -> Flight:
     """Read the files of a flight.
 
@@ -106,6 +109,8 @@ def read_flight(
         Where the ring of a point stands.
     frame : LocalFrame, optional
         Where to estimate; by default at the middle of the strips, at their lowest point.
+    progress : callable, optional
+        Told how far the reading is.
 
     Returns
     -------
@@ -122,7 +127,8 @@ def read_flight(
     given = read_mounting(mounting)
     files = [_opened(Path(path), crs, ring_dimension) for path in strips]
     _require_one_datum(files)
-    records = [decoding.sampled(file, timed=trajectory is not None) for file in files]
+    done = Remaining("reading", 2 * sum(file.count for file in files), progress)  # twice: a sample
+    records = [decoding.sampled(file, trajectory is not None, done) for file in files]
     frame = frame or _frame_of(files, records)
     navigation = given.navigation
     named = Names(str(files[0].path), str(trajectory or files[0].path), str(mounting))
@@ -130,7 +136,7 @@ def read_flight(
         decoder, scanner, notes = _decoder_of_poses(files, records, frame, given, named)
     else:
         decoder, scanner, notes = _decoder_of_flown(files, records, frame, given, named)
-    read, more = _read_all(files, decoder)
+    read, more = _read_all(files, decoder, done)
     path = decoder.poses
     path = path if isinstance(path, Trajectory) else flight_lines.joined_trajectory(read)
     if accuracy is not None:
@@ -266,11 +272,11 @@ def _pose_columns_of(file) -> PoseColumns:
     return columns
 
 
-def _read_all(files: list, decoder: Decoder) -> tuple[list[Strip], list[str]]:
+def _read_all(files: list, decoder: Decoder, done: Remaining) -> tuple[list[Strip], list[str]]:
     """All files as strips, one for each flight line, and notes."""
     strips, notes = [], []
     for file in files:
-        strip, left_out = decoding.read_strip(decoder, file)
+        strip, left_out = decoding.read_strip(decoder, file, done)
         lines, turns = flight_lines.split(strip, decoding.poses_at(decoder, strip))
         coarse = strip.pose is not None and flight_lines.whole_seconds(strip.time)
         if isinstance(file, TableFile) and file.time is None:

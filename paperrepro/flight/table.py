@@ -8,7 +8,7 @@ are in the unit that a name's suffix tells (``Rads``); where none does, the rays
 always what the heading counts from (`READINGS`).
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,14 +40,19 @@ class TableFile:
     notes: tuple[str, ...] = ()
     hindrance: str = "only LAS and LAZ can be written; give the strip as one"
 
-    def chunks(self, size: int = CHUNK) -> Iterator[pd.DataFrame]:
-        """All rows in order."""
-        yield from _chunks(self.path, size)
+    def chunks(
+        self, size: int = CHUNK, done: Callable[[int], None] | None = None
+    ) -> Iterator[pd.DataFrame]:
+        """All rows in order; ``done`` is told how many were dealt with."""
+        for chunk in _chunks(self.path, size):
+            yield chunk
+            if done:
+                done(len(chunk))
 
-    def sample(self) -> Iterator[pd.DataFrame]:
+    def sample(self, done: Callable[[int], None] | None = None) -> Iterator[pd.DataFrame]:
         """Some `SAMPLE` rows, evenly spread."""
         every = max(1, self.count // SAMPLE)
-        for chunk in self.chunks():
+        for chunk in self.chunks(done=done):
             yield chunk[chunk.index % every == 0]
 
     @staticmethod

@@ -16,6 +16,7 @@ import numpy as np
 
 from paperrepro import __version__
 from paperrepro._files import written_whole
+from paperrepro._progress import Remaining
 from paperrepro.errors import BadInput
 from paperrepro.flight import ray_test
 from paperrepro.flight.calibration_file import read_calibration
@@ -23,6 +24,7 @@ from paperrepro.flight.las import FILE_ERRORS, SOFTWARE, StripFile, first_line, 
 from paperrepro.flight.mounting import read_mounting
 from paperrepro.flight.read import Flight, read_control, read_flight, require_apart
 from paperrepro.flight.sbet import adjustment
+from paperrepro.method.coarse_to_fine import Progress, silent
 from paperrepro.method.control import CheckedHeights, Correct, check_heights
 from paperrepro.method.georeference import georeference
 from paperrepro.survey import Mounting, Rays
@@ -58,6 +60,7 @@ def apply_calibration(
     ring_dimension: str = "user_data",
     mounting_only: bool = False,
     checkpoints: str | Path | None = None,
+    progress: Progress = silent,
 ) -> Applied:
     """Write strips anew under a calibration: all of them, or none.
 
@@ -79,6 +82,8 @@ def apply_calibration(
         Poses stay as reported, though the calibration has an adjusted trajectory.
     checkpoints : path, optional
         CSV of points surveyed on the ground, `read_control`, over which heights are compared.
+    progress : callable, optional
+        Told how far reading and writing are.
 
     Returns
     -------
@@ -94,13 +99,15 @@ def apply_calibration(
     given = read_mounting(mounting)
     early = read_calibration(calibration, given.mounting)
     require_apart(strips, out)
-    flight = read_flight(strips, trajectory, mounting, crs=crs, ring_dimension=ring_dimension)
+    flight = read_flight(
+        strips, trajectory, mounting, crs=crs, ring_dimension=ring_dimension, progress=progress
+    )
     survey, points = flight.survey, read_control(checkpoints, flight)
     calibrated = read_calibration(calibration, survey.mounting, survey.scanner)
     correct = None
     if calibrated.trajectory and trajectory is not None and not mounting_only:
         correct = adjustment(Path(trajectory), calibrated.trajectory, flight.frame)
-    written = write_strips(flight, calibrated.mounting, out, correct)
+    written = write_strips(flight, calibrated.mounting, out, correct, progress)
     count = sum(file.count for file in flight.files)
     notes = (*early.notes, *flight.notes, *_copc_notes(flight))
     checked = None
@@ -130,31 +137,34 @@ def require_writable(flight: Flight, out: str | Path) -> None:
 
 
 def write_strips(
-    flight: Flight, mounting: Mounting, out: str | Path, correct: Correct | None = None
-) -> list[Path]:
+    flight: Flight, mounting: Mounting, out: str | Path, correct: Correct | None = None,
+    progress: Progress = silent,
+) -> list[Path]:  # fmt: skip
     """Write the flight's files anew into folder ``out``, under ``mounting``: all of them, or none.
 
     ``correct`` as `Correct`, by default poses stay as reported. The names stay; range offsets go by
-    beam of `Scanner.beam_elevations`. Raises as
+    beam of `Scanner.beam_elevations`. ``progress`` is told how far the writing is. Raises as
     `require_writable`, and `BadInput` where ``out`` cannot be written.
     """
     out = Path(out)
     require_writable(flight, out)
+    done = Remaining("writing", sum(file.count for file in flight.files), progress)
     with written_whole(out) as folder:
         for file in flight.files:
-            _write_file(flight, file, mounting, folder / file.path.name, correct)
+            _write_file(flight, file, mounting, folder / file.path.name, correct, done)
     return [out / file.path.name for file in flight.files]
 
 
 def _write_file(
-    flight: Flight, file: StripFile, mounting: Mounting, target: Path, correct: Correct | None
-) -> None:
+    flight: Flight, file: StripFile, mounting: Mounting, target: Path, correct: Correct | None,
+    done: Remaining,
+) -> None:  # fmt: skip
     try:
         with opened(file.path) as reader:
             evlrs = _without_copc(reader.evlrs or [])
             header = _header_to_write(reader.header)
             with laspy.open(target, mode="w", header=header) as writer:
-                for chunk in file.chunks():
+                for chunk in file.chunks(done=done):
                     _move(flight, file, chunk, mounting, correct)
                     writer.write_points(chunk)
                 if evlrs:

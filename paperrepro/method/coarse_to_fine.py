@@ -324,17 +324,19 @@ def planes_under(
     ------
     TooFewPlanes
     """
-    generators = np.random.default_rng(0).spawn(len(points.rays))
+    generators = np.random.default_rng(0).spawn(len(points.index))
     in_fan = {
         strip.name: np.abs(points.survey.elevation(strip)) <= np.deg2rad(search.fan_deg)
         for strip in points.survey.strips
     }
     if not all(chosen.all() for chosen in in_fan.values()):
         points = points.chosen(in_fan)
-    surfaces = {
-        strip.name: extract(georeference_strip(points.survey, strip, mounting), search.roofs, rng)
-        for strip, rng in zip(points.survey.strips, generators, strict=True)
-    }
+    surfaces = {}
+    for strip, rng in zip(points.survey.strips, generators, strict=True):
+        p_m = np.empty((0, 3))
+        if len(strip):
+            p_m = georeference_strip(points.survey, strip, mounting)
+        surfaces[strip.name] = extract(p_m, search.roofs, rng)
     matches = match(surfaces, search.matching)
     ties = [
         [((strip, face), surfaces[strip].faces[face].points) for strip, face in tie]

@@ -8,7 +8,7 @@ import pytest
 from data_synth import make_config, simulate
 from data_synth.evaluation import false_pairs, judge_views
 from paperrepro.errors import BadInput, EmptyStrip, OutsideTrajectory, TooFewPlanes
-from paperrepro.method import calibrate_all, calibrate_survey, refine_all
+from paperrepro.method import calibrate_all, calibrate_survey, coarse_to_fine, refine_all
 from paperrepro.method.coarse_to_fine import RoofSearch, find_candidates, find_roofs, planes_under
 from paperrepro.method.parameters import Parameters
 from paperrepro.survey import Strip, Trajectory
@@ -162,3 +162,46 @@ def test_parameters_are_those_of_the_last_pass_by_default():
 def test_parameters_that_make_no_sense_are_refused(text, said):
     with pytest.raises(BadInput, match=said):
         Parameters.read(text)
+
+
+def test_a_strip_judged_in_pieces_keeps_what_stands_on_the_ground(flown, monkeypatch):
+    survey = replace(flown.survey, strips=flown.survey.strips[:1])
+    (whole,) = find_candidates(survey).index.values()
+    monkeypatch.setattr(coarse_to_fine, "PIECE", len(survey.strips[0]) // 3)
+    (pieces,) = find_candidates(survey).index.values()
+    assert len(np.setdiff1d(whole, pieces)) < 0.02 * len(whole)
+    assert len(np.setdiff1d(pieces, whole)) < 0.02 * len(whole)
+
+
+def test_a_strip_that_stands_nowhere_above_the_ground_has_no_roof(flown):
+    points = flown.points
+    first = points.survey.strips[0].name
+    none = {name: slice(0, 0) if name == first else slice(None) for name in points.index}
+    found = planes_under(flown.survey, points.chosen(none), flown.truth.mounting, RoofSearch())
+    assert not found.surfaces[first].faces
+    assert first not in {strip for strip, _ in found.views}
+
+
+def test_tie_planes_hold_no_more_points_than_fit(flown, monkeypatch):
+    all_of_them = flown.found.tie_planes
+    monkeypatch.setattr(coarse_to_fine, "MOST_OF_PLANES", len(all_of_them.rays) // 4)
+    found = planes_under(flown.survey, flown.points, flown.found.mounting, RoofSearch())
+    few = found.tie_planes
+    assert 0.9 < 4 * len(few.rays) / len(all_of_them.rays) <= 1
+    assert few.strips == all_of_them.strips
+    np.testing.assert_array_equal(
+        np.diff(few.ranges, axis=1)[:, 0], [len(v) for _, v in found.views]
+    )
+    count, all_counts = (np.diff(t.ranges, axis=1)[:, 0] for t in (few, all_of_them))
+    assert (count[all_counts <= count.max()] == all_counts[all_counts <= count.max()]).all()
+    assert np.ptp(count[all_counts > count.max()]) == 0  # as many of each larger one
+
+
+def test_rays_of_candidates_are_those_of_their_strips(flown):
+    points = flown.points
+    name = flown.survey.strips[2].name
+    rays = flown.survey.rays(flown.survey.strip(name), points.index[name])
+    np.testing.assert_array_equal(points.rays[name].pose, rays.pose)
+    np.testing.assert_array_equal(points.rays_of(name, slice(5, 9)).rho, rays.rho[5:9])
+    assert list(points.rays) == [strip.name for strip in flown.survey.strips]
+    assert "F99" not in points.rays

@@ -1,0 +1,120 @@
+"""Flights of any size: what is held of them, and what is said of how far the work is."""
+
+import tracemalloc
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from paperrepro import _progress
+from paperrepro._progress import Remaining, Steps
+from paperrepro.flight.decoding import Decoded, read_strip
+from paperrepro.flight.las import Records
+from paperrepro.flight.write import write_strips
+
+CHUNK, CHUNKS = 10_000, 60
+#: Bytes of a point of a strip.
+POINT = 21
+
+
+@dataclass
+class Recorded:
+    """A file of `CHUNKS` chunks, its ``times`` by chunk, and the decoder of it."""
+
+    times: np.ndarray
+    path: Path = Path("F1.laz")
+    count: int = CHUNK * CHUNKS
+    poses: None = None
+
+    def chunks(self, done=None):
+        for first in self.times:
+            time = first + 1e-5 * np.arange(CHUNK)
+            yield Records(time, np.zeros(CHUNK, np.int64), np.empty((CHUNK, 3)), {})
+
+    def usable(self, chunk):
+        return chunk
+
+    decoded = usable
+
+    def decode(self, file, records):
+        """Every tenth pulse did not return."""
+        time, rho = records.time, np.full(CHUNK, 30.0)
+        rho[::10] = 0.0
+        timed = np.ones(CHUNK, bool)
+        ring, pose = records.ring.astype(np.uint8), np.zeros((CHUNK, 6))
+        return Decoded(time, pose, ring, np.sin(time), np.zeros(CHUNK), rho, timed)
+
+
+def peak_of(function, *arguments):
+    """What it gives, and the most memory that it held, bytes."""
+    tracemalloc.start()
+    try:
+        return function(*arguments), tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_strip_is_held_once_while_it_is_read():
+    file = Recorded(np.arange(CHUNKS, dtype=float))
+    (strip, notes), most = peak_of(read_strip, file, file)
+    assert len(strip) == 0.9 * file.count
+    np.testing.assert_array_equal(strip.azimuth, np.sin(strip.time))
+    assert len(notes) == 1
+    assert most < 1.3 * POINT * file.count
+
+
+def test_a_file_in_another_order_is_sorted_column_by_column():
+    file = Recorded(np.arange(CHUNKS, dtype=float)[::-1])
+    (strip, _), most = peak_of(read_strip, file, file)
+    assert (np.diff(strip.time) > 0).all()
+    np.testing.assert_array_equal(strip.azimuth, np.sin(strip.time))
+    assert most < 2.0 * POINT * file.count
+
+
+def test_reading_and_writing_say_how_long_they_take(folder, tmp_path):
+    given, said = folder(), []
+    flight = given.read(progress=said.append)
+    millions = sum(file.count for file in flight.files) / 1e6
+    assert len(said) == 2 * len(flight.files)
+    assert (
+        said[-1] == f"reading: {2 * millions:.0f} of {2 * millions:.0f} million points, 00:00 left"
+    )
+    write_strips(flight, flight.survey.mounting, tmp_path / "out", progress=said.append)
+    assert said[-1].startswith("writing: ")
+    assert said[-1].endswith("00:00 left")
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Seconds, that the test sets."""
+    now = [0.0]
+    monkeypatch.setattr(_progress.time, "monotonic", lambda: now[0])
+    return now
+
+
+def test_time_left_is_that_of_the_pace_so_far(clock):
+    said = []
+    done = Remaining("reading", 100_000_000, said.append)
+    clock[0] = 30.0
+    done(25_000_000)
+    assert said == ["reading: 25 of 100 million points, 01:30 left"]
+
+
+def test_lines_on_one_step_come_now_and_then(clock, capsys):
+    with Steps(5, lines=True, quiet=False) as steps:
+        steps("reading")
+        for now in range(25):
+            clock[0] = float(now)
+            steps.within(f"at {now}")
+    assert [line.split("  ")[-1] for line in capsys.readouterr().out.splitlines()] == [
+        "reading", "at 11", "at 22",
+    ]  # fmt: skip
+
+
+def test_nothing_is_said_where_nothing_is_wanted(clock, capsys):
+    with Steps(5, lines=True, quiet=True) as steps:
+        steps("reading")
+        clock[0] = 60.0
+        steps.within("halfway")
+    assert capsys.readouterr() == ("", "")
