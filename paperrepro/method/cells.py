@@ -13,7 +13,8 @@ def _keys(p_m: np.ndarray, cell_m: float) -> np.ndarray:
     """One integer (N,) per point, equal within a cell of ``cell_m``."""
     key, *others = cells(p_m, cell_m)
     for along in others:
-        key = key * (along.max() + 1) + along
+        key *= along.max() + 1
+        key += along
     return key
 
 
@@ -47,8 +48,10 @@ def thin(p_m: np.ndarray, cell_m: float) -> Thinned:
     order = np.argsort(key, kind="stable")
     change = np.flatnonzero(np.diff(key[order])) + 1
     start = np.concatenate([[0], change, [len(p_m)]])
-    total = np.add.reduceat(p_m[order], start[:-1], axis=0)
-    return Thinned(total / np.diff(start)[:, None], order, start)
+    means = np.empty((len(start) - 1, 3))
+    for column, x in zip(means.T, p_m.T, strict=True):
+        column[:] = np.add.reduceat(x[order], start[:-1]) / np.diff(start)
+    return Thinned(means, order, start)
 
 
 def extent(p_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -68,4 +71,7 @@ def inside(p_m: np.ndarray, low, high) -> np.ndarray:
 
 def cells(p_m: np.ndarray, edge_m: float) -> np.ndarray:
     """Number (D, N) of each point's cell of ``edge_m`` along every axis, from 0."""
-    return np.array([np.floor((x - x.min()) / edge_m) for x in p_m.T]).astype(np.int64)
+    number = np.empty(p_m.shape[::-1], np.int64)
+    for along, x in zip(number, p_m.T, strict=True):
+        along[:] = np.floor((x - x.min()) / edge_m)
+    return number
