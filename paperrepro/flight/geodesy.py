@@ -15,6 +15,7 @@ import numpy as np
 import pyproj
 from pyproj.exceptions import CRSError, ProjError
 
+from paperrepro._compiled import over_threads
 from paperrepro.errors import BadInput
 from paperrepro.frames import attitude_matrix
 
@@ -50,14 +51,13 @@ class LocalFrame:
 
     def from_geodetic(self, latitude, longitude, height) -> np.ndarray:
         """Points (N, 3) m, m-frame, of geodetic coordinates (N,) rad, rad, m."""
-        return np.column_stack(
-            self._pipeline.transform(longitude, latitude, height, radians=True)
-        ).astype(float, copy=False)
+        places = longitude, latitude, height
+        return np.column_stack(_transformed(self._pipeline, *places, radians=True))
 
     def to_geodetic(self, p_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Latitude, longitude rad and ellipsoidal height m, (N,) each, of points (N, 3)."""
-        longitude, latitude, height = self._pipeline.transform(
-            *np.asarray(p_m, float).T, radians=True, direction="INVERSE"
+        longitude, latitude, height = _transformed(
+            self._pipeline, *np.asarray(p_m, float).T, radians=True, direction="INVERSE"
         )
         return latitude, longitude, height
 
@@ -74,6 +74,21 @@ class LocalFrame:
         """(N, 3, 3), local level at the pose to m."""
         here = _level_axes(self.latitude, self.longitude)
         return here @ np.swapaxes(_level_axes(np.asarray(latitude), np.asarray(longitude)), -1, -2)
+
+
+def _transformed(transformer: pyproj.Transformer, *columns, **how) -> np.ndarray:
+    """Coordinates, a row each, of ``columns`` (N,) or numbers; over the threads, which PROJ lets
+    run."""
+    columns = np.broadcast_arrays(*columns)
+    out = np.empty((len(columns), *columns[0].shape))
+    rows, given = out.reshape(len(columns), -1), [np.ravel(column) for column in columns]
+
+    def transform(first: int, last: int) -> None:
+        part = (column[first:last] for column in given)
+        rows[:, first:last] = transformer.transform(*part, **how)
+
+    over_threads(transform, rows.shape[1])
+    return out
 
 
 def _turned(turn: np.ndarray, attitude) -> np.ndarray:
@@ -131,7 +146,7 @@ class Grid:
     def to_geodetic(self, xyz: np.ndarray):
         """Latitude, longitude rad and height m, (N,) each, of coordinates (N, 3); infinite where
         they lie outside the system. Raises `BadInput` where most of them do."""
-        lon, lat = self._transform.transform(xyz[:, 0], xyz[:, 1])
+        lon, lat = _transformed(self._transform, xyz[:, 0], xyz[:, 1])
         outside = ~((np.abs(lat) <= 90.0) & (np.abs(lon) <= 540.0))
         if outside.mean() > 0.5:
             where = ", ".join(f"{value:.1f}" for value in xyz[np.flatnonzero(outside)[0], :2])
@@ -153,8 +168,8 @@ class Grid:
 
     def from_geodetic(self, latitude, longitude, height) -> np.ndarray:
         """Coordinates (N, 3) of geodetic ones; the inverse of `to_geodetic`."""
-        x, y = self._transform.transform(
-            np.degrees(longitude), np.degrees(latitude), direction="INVERSE"
+        x, y = _transformed(
+            self._transform, np.degrees(longitude), np.degrees(latitude), direction="INVERSE"
         )
         return np.column_stack([x, y, np.asarray(height) / self.height_unit])
 
