@@ -276,9 +276,12 @@ def _offsets(own: OwnFlight) -> Table | None:
     if result.range_offsets is None:
         return None
     elevation = np.degrees(own.survey.scanner.beam_elevations)
-    both = zip(result.range_offsets, result.sigma_offsets, strict=False)
+    both = [(CM * result.range_offsets[k], CM * s) for k, s in enumerate(result.sigma_offsets)]
+    if not len(elevation):
+        lines = [(number(offset, 2), number(sigma, 2)) for offset, sigma in both]
+        return Table(["range offset (cm)", "σ (cm)"], lines, ["number"] * 2)
     lines = [
-        (str(ring), *(number(v, 2) for v in (elevation[ring], CM * offset, CM * sigma)))
+        (str(ring), *(number(v, 2) for v in (elevation[ring], offset, sigma)))
         for ring, (offset, sigma) in enumerate(both)
     ]
     return Table(["ring", "elevation (°)", "range offset (cm)", "σ (cm)"], lines, ["number"] * 4)

@@ -327,4 +327,4 @@ def _optional(content: dict, table: str, key: str):
 
 def _alike(found, expected, tolerance: float) -> bool:
     found = numbers_in(found)
-    return found.shape == np.shape(expected) and bool(np.abs(found - expected).max() <= tolerance)
+    return found.shape == np.shape(expected) and bool((np.abs(found - expected) <= tolerance).all())

@@ -109,7 +109,7 @@ def _others_than_all(found: Evidence) -> list[int]:
         if len(sample.time) >= LEAST_RAYS
     }
     fits = {k: fit for k, fit in fits.items() if fit is not None}
-    if found.fit is None or len(fits) < 2:
+    if found.fit is None or len(fits) < 2 or not found.samples[0].beams:
         return []
     elevations = pd.DataFrame({k: pd.Series(f.elevations, f.rings) for k, f in fits.items()})
     apart = elevations.sub(elevations.median(axis=1), axis=0).abs().max()
@@ -127,6 +127,9 @@ def _consistent(
     plain = evidence.fit
     if plain is not None and plain.good:
         return _with_best_heading(evidence)
+    if plain is not None and not evidence.samples[0].beams:
+        _refuse_by_name(evidence, given, names)
+        return evidence, []
     corrected = _mended(evidence)
     if corrected is not None:
         return corrected
@@ -263,14 +266,17 @@ def _refuse_by_name(evidence: Evidence, given: MountingFile, names: Names) -> No
         changed = hypothesis.change(few)
         if not changed.is_near:
             continue
-        if not changed.fit.good:
+        if not changed.fit.good and few.samples[0].beams:
             changed = changed.with_height()
         if changed.fit.good:
+            fits = f"fit the beams to {np.degrees(changed.fit.scatter):.3f} deg"
+            fits = fits if few.samples[0].beams else "lie in a cone"
             raise BadInput(
                 f"{getattr(names, hypothesis.where)}: {hypothesis.what}: so the rays to the points "
-                f"would fit the beams to {np.degrees(changed.fit.scatter):.3f} deg, as given they "
-                f"do not; {hypothesis.remedy}"
+                f"would {fits}, as given they do not; {hypothesis.remedy}"
             )
+    if given.kind != "rings":
+        return
     pose, sample = few.rays
     _, elevation, rho = ray_test.laser_rays(pose, sample.p_m, evidence.mounting)
     apart = np.abs(elevation[:, None] - given.scanner.beam_elevations).min(axis=1)
@@ -353,9 +359,17 @@ def consistent_attitude(fits: Mapping[str, Fit], names: Names) -> tuple[str, lis
 
 def scanner_of(
     found: Fit, given: MountingFile, names: Names
-) -> tuple[Scanner, np.ndarray, list[str]]:
+) -> tuple[Scanner, np.ndarray | None, list[str]]:
     """The scanner whose beams the rings are; the number of its beam for a recorded ring, else
-    `UNKNOWN_RING`; and notes. Raises `BadInput` where the beams given are not those of the data."""
+    `UNKNOWN_RING`, or None without rings; and notes. Raises `BadInput` where the beams given are
+    not those of the data."""
+    if given.kind != "rings":
+        unseen = {
+            "line": "whether heights of strips and trajectory count from one surface",
+            "any": "whether signs, clocks and heights of strips and trajectory belong together",
+        }
+        words = f"rays of such a scanner do not tell {unseen[given.kind]}"
+        return given.scanner, None, [f"{names.mounting} [scanner] kind {given.kind}: {words}"]
     others = {} if given.beams_given else mounting.BEAMS_DEG
     known = [replace(given.scanner, name=name, beam_elevations=np.radians(beams))
              for name, beams in others.items()]  # fmt: skip

@@ -28,13 +28,14 @@ TIME_STEPS = (1.0, 0.1, 0.01, 0.001)
 class Decoder:
     """How records become rays. ``mounting``: the nominal one; ``poses``: a trajectory, or columns
     of each record; ``clocks`` by file, to the trajectory's time; ``shift`` (3,) m added to all
-    points; ``beam_of_ring``: number of the beam for a recorded ring; ``time_shift`` s."""
+    points; ``beam_of_ring``: number of the beam for a recorded ring, None where there are no rings;
+    ``time_shift`` s."""
 
     frame: LocalFrame
     mounting: Mounting
     poses: Trajectory | PointPoses
     clocks: Mapping[Path, Clock]
-    beam_of_ring: np.ndarray
+    beam_of_ring: np.ndarray | None
     time_shift: float = 0.0
     shift: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
@@ -56,6 +57,9 @@ class Decoder:
         if not np.isfinite(p_m).all():  # where its map does not reach
             p_m = np.where(np.isfinite(p_m), p_m, 1e9)
         azimuth, elevation, rho = ray_test.laser_rays(whole, p_m, self.mounting)
+        if self.beam_of_ring is None:
+            beam = np.zeros(len(time), np.uint8)
+            return Decoded(time, whole, beam, azimuth, elevation, rho, timed)
         known = records.ring < len(self.beam_of_ring)
         beam = np.where(
             known, self.beam_of_ring[np.where(known, records.ring, 0)], ray_test.UNKNOWN_RING
@@ -99,9 +103,11 @@ def local_points(grid: Grid, xyz: np.ndarray, frame: LocalFrame) -> np.ndarray:
     return frame.from_geodetic(*grid.to_geodetic(xyz))
 
 
-def sampled(file, timed: bool = True, done: Callable[[int], None] | None = None) -> Records:
-    """A sample of a file's records; its clock must run and its rings differ. ``done`` is told how
-    many were read.
+def sampled(
+    file, timed: bool = True, done: Callable[[int], None] | None = None, kind: str = "rings"
+) -> Records:
+    """A sample of a file's records; its clock must run, and its rings differ where the ``kind`` of
+    scanner has any. ``done`` is told how many were read.
 
     Raises `BadInput`, `EmptyStrip`."""
     parts = [file.decoded(chunk) for chunk in file.sample(done) if len(chunk)]
@@ -120,15 +126,20 @@ def sampled(file, timed: bool = True, done: Callable[[int], None] | None = None)
             f"{file.path}: expected a GPS time per point, gps_time is {time[0]:g} for all; export "
             "the strip with its times"
         )
-    if np.ptp(ring) == 0:
+    if kind != "rings":
+        ring = np.zeros_like(ring)
+    elif np.ptp(ring) == 0:
         raise BadInput(
             f"{file.path}: expected the ring of each point, it is {ring[0]} for all; name the "
-            "dimension that holds it with --ring-dimension"
+            "dimension that holds it with --ring-dimension, or give a scanner that has no rings as "
+            'kind = "line" or "any" in [scanner] of the mounting'
         )
     return Records(time, ring, xyz, columns)
 
 
-def strip_sample(file, records: Records, clock: Clock, flown: np.ndarray) -> StripSample:
+def strip_sample(
+    file, records: Records, clock: Clock, flown: np.ndarray, beams: bool = True
+) -> StripSample:
     """A file's sample for the tests, without the few times that are none of this flight."""
     time = clock(records.time)
     timed = is_flight_time(time, flown)
@@ -136,7 +147,7 @@ def strip_sample(file, records: Records, clock: Clock, flown: np.ndarray) -> Str
         timed = np.isfinite(time)
     return StripSample(
         str(file.path), file.grid, time[timed], records.ring[timed], records.xyz[timed],
-        _scale(file, records), time_step(records.time),
+        _scale(file, records), time_step(records.time), beams,
     )  # fmt: skip
 
 
@@ -171,12 +182,13 @@ def fits_of_poses(
     frame: LocalFrame,
     candidates: Mapping[Hashable, PointPoses],
     mounting: Mounting,
+    beams: bool = True,
 ) -> dict[Hashable, ray_test.Fit]:
     """How the rays fit where each point carries its pose, for each way to read its attitude."""
     both = list(zip(files, records, strict=True))
     points = np.concatenate([local_points(f.grid, r.xyz, frame) for f, r in both])
     rings = np.concatenate([r.ring for r in records])
-    sample = ray_test.Sample(points, rings, max(_scale(f, r) for f, r in both))
+    sample = ray_test.Sample(points, rings, max(_scale(f, r) for f, r in both), beams)
     fits = {}
     for word, poses in candidates.items():
         pose = [poses.of(r.columns, f.grid) for f, r in both]
@@ -191,6 +203,7 @@ def read_strip(
     is told how many were read. Range is float32 (4 um at 100 m): 21 bytes a point, held once.
     Raises `BadInput`, `OutsideTrajectory`."""
     columns, lost, n, end = [], {}, 0, 0
+    posed = isinstance(decoder.poses, PointPoses)
     for chunk in file.chunks(done=done):
         records = file.decoded(file.usable(chunk))
         if not len(records.time):
@@ -201,7 +214,8 @@ def read_strip(
             kept &= ~which
             lost[why] = lost.get(why, 0) + int(which.sum())
         found = [rays.time, rays.ring, rays.azimuth, rays.rho.astype(np.float32)]
-        found += [rays.pose] if isinstance(decoder.poses, PointPoses) else []
+        found += [rays.pose] if posed else []
+        found += [rays.elevation.astype(np.float32)] if decoder.beam_of_ring is None else []
         columns = columns or [np.empty((file.count, *f.shape[1:]), f.dtype) for f in found]
         rows = slice(end, end := end + int(kept.sum()))
         for column, values in zip(columns, found, strict=True):
@@ -218,7 +232,9 @@ def read_strip(
             "the right dimension with --ring-dimension"
         )
     columns = [column[:end] for column in columns]
-    strip = Strip(_name_of(file.path), *_by_time(columns))
+    names = ("time", "ring", "azimuth", "rho", *["pose"] * posed, "elevation")
+    named = dict(zip(names, _by_time(columns), strict=False))
+    strip = Strip(_name_of(file.path), **named)
     notes = [
         f"{file.path}: {count} of {n} points ({100 * count / n:.2g} %) {why}; they are left out"
         for why, count in lost.items()

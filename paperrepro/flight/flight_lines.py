@@ -123,12 +123,13 @@ def joined(strips: list[Strip]) -> tuple[list[Strip], list[str]]:
 
 def _concatenated(parts: list[Strip]) -> Strip:
     """One strip of all points, in order of time."""
-    names = ("time", "ring", "azimuth", "rho")
-    columns = [np.concatenate([getattr(part, name) for part in parts]) for name in names]
-    pose = None
-    if parts[0].pose is not None:
-        pose = np.concatenate([part.pose for part in parts])
-    return Strip(parts[0].name, *columns, pose)
+    names = ("time", "ring", "azimuth", "rho", "pose", "elevation")
+    columns = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in names
+        if getattr(parts[0], name) is not None
+    }
+    return Strip(parts[0].name, **columns)
 
 
 def _holds_repeats(time: np.ndarray) -> bool:

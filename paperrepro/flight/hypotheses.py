@@ -32,7 +32,8 @@ OUTSIDE = 0.001
 @dataclass(frozen=True)
 class StripSample:
     """Points of a file: ``name``, ``grid`` of ``xyz`` (N, 3), ``time`` (N,) s of the trajectory's
-    clock, ``ring`` (N,) as recorded; ``step`` m and ``time_step`` s, how fine they are."""
+    clock, ``ring`` (N,) as recorded; ``step`` m and ``time_step`` s, how fine they are;
+    ``beams``: whether these keep their elevations."""
 
     name: str
     grid: Grid
@@ -41,6 +42,7 @@ class StripSample:
     xyz: np.ndarray
     step: float
     time_step: float
+    beams: bool = True
 
     def local(self, frame: LocalFrame) -> np.ndarray:
         """(N, 3) m, m-frame of ``frame``."""
@@ -86,7 +88,7 @@ class Evidence:
         inside = inside[np.isfinite(points[inside]).all(axis=1)]
         sample = Sample(
             points[inside], np.concatenate([s.ring for s in self.samples])[inside],
-            max(s.step for s in self.samples),
+            max(s.step for s in self.samples), self.samples[0].beams,
         )  # fmt: skip
         if not len(inside):
             return np.empty((0, 6)), sample

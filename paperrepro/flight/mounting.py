@@ -10,6 +10,7 @@ range_sigma_m = 0.02
 angle_sigma_deg = 0.01
 range_offset_sigma_m = 0.03
 beam_elevations_deg = [-10.0, ...]
+kind = "rings"                                 # without rings: "line" (a plane is swept) or "any"
 
 [navigation]                                   # optional; APX-15 UAV without
 name = "APX-15 UAV"
@@ -37,7 +38,7 @@ ROUNDED = 2e-3
 KNOWN = {
     "nominal": {"rotation", "lever_arm_m"},
     "scanner": {"name", "range_sigma_m", "angle_sigma_deg", "range_offset_sigma_m",
-                "beam_elevations_deg"},
+                "beam_elevations_deg", "kind"},
     "navigation": {"name", "position_sigma_m", "attitude_sigma_deg", "correlation_time_s"},
 }  # fmt: skip
 
@@ -46,13 +47,14 @@ KNOWN = {
 class MountingFile:
     """What `mounting.toml` says. ``beams_given``: it names the beams, by table or by a scanner's
     name, so that data which do not fit are wrong; else the data may tell another known scanner.
-    ``notes``: what was assumed."""
+    ``kind`` of scanner, of `KINDS`. ``notes``: what was assumed."""
 
     mounting: Mounting
     scanner: Scanner
     navigation: Navigation
     beams_given: bool
     notes: tuple[str, ...]
+    kind: str = "rings"
 
 
 def read_mounting(path: Path) -> MountingFile:
@@ -69,10 +71,12 @@ def read_mounting(path: Path) -> MountingFile:
         _rotation(nominal, f"{path} [nominal] rotation", notes),
         _numbers(nominal, "lever_arm_m", 3, f"{path} [nominal]"),
     )
-    scanner, beams_given = _scanner(tables.get("scanner", {}), f"{path} [scanner]", notes)
+    table, where = tables.get("scanner", {}), f"{path} [scanner]"
+    kind = _kind(table, where)
+    scanner, beams_given = _scanner(table, kind, where, notes)
     navigation = _navigation(tables.get("navigation", {}), f"{path} [navigation]", notes)
     notes += _unknown(tables, path)
-    return MountingFile(mounting, scanner, navigation, beams_given, tuple(notes))
+    return MountingFile(mounting, scanner, navigation, beams_given, tuple(notes), kind)
 
 
 def _load(path: Path) -> dict:
@@ -148,9 +152,26 @@ def _positive(table: dict, key: str, default: float, where: str) -> float:
     return float(value)
 
 
-def _scanner(table: dict, where: str, notes: list[str]) -> tuple[Scanner, bool]:
-    name = str(table.get("name", DEFAULT))
+def _kind(table: dict, where: str) -> str:
+    kind = table.get("kind", "rings")
+    if kind not in KINDS:
+        raise BadInput(
+            f"{where}: expected kind as one of {', '.join(KINDS)}, got {short(kind)}; name one"
+        )
+    if kind != "rings" and "beam_elevations_deg" in table:
+        raise BadInput(
+            f"{where}: a scanner of kind {kind!r} has no rings; leave beam_elevations_deg out, or "
+            "the kind"
+        )
+    return kind
+
+
+def _scanner(table: dict, kind: str, where: str, notes: list[str]) -> tuple[Scanner, bool]:
+    without = f"scanner of kind {kind}"
+    name = str(table.get("name", DEFAULT if kind == "rings" else without))
     beams, given = beams_named(name), "name" in table
+    if kind != "rings":
+        beams, given = np.empty(0), True
     if "beam_elevations_deg" in table:
         values, given = table["beam_elevations_deg"], True
         count = len(values) if isinstance(values, list) else 0
@@ -208,6 +229,8 @@ def _unknown(tables: dict, path: Path) -> list[str]:
 
 
 DEFAULT = "VLP-16 Hi-Res"
+#: Beams that keep an elevation each; one that sweeps a plane or cone; one that goes anywhere.
+KINDS = ("rings", "line", "any")
 BEAMS_DEG = {
     "VLP-16 Hi-Res": np.linspace(-10.0, 10.0, 16),
     "VLP-16": np.linspace(-15.0, 15.0, 16),

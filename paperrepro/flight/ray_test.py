@@ -4,6 +4,9 @@ A beam leaves a spinning scanner at one elevation for ever. Points taken back th
 and the nominal mounting, with which they were computed, must therefore lie at the elevations of the
 beam table, whatever the boresight; if heights, clocks, units or axes are mistaken they do not. The
 elevations see every mistake but a turn about the spin axis (with the axis forward: a roll).
+
+A scanner that sweeps a plane has one such beam. Where beams go anywhere only gross mistakes show:
+rays then leave the cone that such a scanner sees.
 """
 
 from dataclasses import dataclass, replace
@@ -26,6 +29,8 @@ HEIGHTS, HEIGHT_STEP = np.arange(-120.0, 121.0, 4.0), 1e-3
 FEW = 600
 #: Datums and epochs of one region differ by less than this in plan, m.
 WIDEST_SHIFT = 5.0
+#: Half of the rays of a scanner without beams lie within this of their middle, rad.
+CONE = float(np.radians(45.0))
 #: Marks a recorded ring that is no beam.
 UNKNOWN_RING = 255
 #: A ring with a smaller share of the points is a stray number, no beam.
@@ -38,11 +43,12 @@ UP = np.array([0.0, 0.0, 1.0])
 @dataclass(frozen=True)
 class Sample:
     """Points of all strips: ``p_m`` (N, 3) m, ``ring`` (N,) as recorded; ``scale`` m, the
-    resolution of their coordinates."""
+    resolution of their coordinates; ``beams``: whether these keep their elevations."""
 
     p_m: np.ndarray
     ring: np.ndarray
     scale: float
+    beams: bool = True
 
 
 def laser_rays(
@@ -94,8 +100,16 @@ class Fit:
 
 
 def fit(pose: np.ndarray, sample: Sample, mounting: Mounting) -> Fit:
-    """How well each ring keeps one elevation: the median of the absolute differences, as sigma."""
-    _, elevation, rho = laser_rays(pose, sample.p_m, mounting)
+    """How well each ring keeps one elevation: the median of the absolute differences, as sigma.
+    Without beams: the median of the angles from the middle of all rays."""
+    azimuth, elevation, rho = laser_rays(pose, sample.p_m, mounting)
+    if not sample.beams:
+        flat = np.cos(elevation)
+        rays = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
+        middle = rays.mean(axis=1)
+        aside = np.arccos(np.clip(middle @ rays / np.linalg.norm(middle), -1, 1))
+        return Fit(float(np.median(aside)), np.zeros(1, int), np.median(elevation, keepdims=True),
+                   CONE)  # fmt: skip
     kept = np.flatnonzero(is_return(rho))
     if len(kept) < max(20, 0.02 * len(rho)):
         kept = np.arange(len(rho))

@@ -128,7 +128,8 @@ def read_flight(
     files = [_opened(Path(path), crs, ring_dimension) for path in strips]
     _require_one_datum(files)
     done = Remaining("reading", 2 * sum(file.count for file in files), progress)  # twice: a sample
-    records = [decoding.sampled(file, trajectory is not None, done) for file in files]
+    timed = trajectory is not None
+    records = [decoding.sampled(file, timed, done, given.kind) for file in files]
     frame = frame or _frame_of(files, records)
     navigation = given.navigation
     named = Names(str(files[0].path), str(trajectory or files[0].path), str(mounting))
@@ -225,7 +226,7 @@ def _decoder_of_flown(
     clocks = decoding.clocks_of(files, records, poses.time)
     flown = poses.time + poses.week
     samples = tuple(
-        decoding.strip_sample(file, r, clocks[file.path], flown)
+        decoding.strip_sample(file, r, clocks[file.path], flown, given.kind != "any")
         for file, r in zip(files, records, strict=True)
     )
     evidence = Evidence(samples, poses, given.mounting, frame, np.zeros(3))
@@ -252,7 +253,8 @@ def _decoder_of_poses(
         (unit, word): PointPoses(columns, frame, word, unit)
         for unit, word in product(columns.units, READINGS)
     }
-    fits = decoding.fits_of_poses(files, records, frame, candidates, given.mounting)
+    beams = given.kind != "any"
+    fits = decoding.fits_of_poses(files, records, frame, candidates, given.mounting, beams)
     unit = min(fits, key=lambda one: fits[one].scatter)[0]
     fits = {word: fits[unit, word] for word in READINGS}
     word, notes = consistency.consistent_attitude(fits, named)
