@@ -1,9 +1,9 @@
 """Scanners by their data sheets, a Velodyne VLP-16 Puck Hi-Res first, spinning about body forward.
 
 Two have no rings: a line scanner, one beam that a mirror turns across the flight, and a solid-state
-one, whose beam two turning prisms send through a rosette about nadir that never repeats (as of
-Livox; Brazeal et al., Sensors 21 (2021) 4722, describe such a pair). Both are of no maker: rates
-and fields are chosen so that they measure as many points as the first.
+one, whose beam two turning prisms send through a rosette about nadir that repeats after ten seconds
+only (as of Livox; Brazeal et al., Sensors 21 (2021) 4722, describe such a pair). Both are of no
+maker: rates and fields are chosen so that they measure as many points as the first.
 
 l-frame: z along the spin axis, azimuth zero at nadir in the nominal mounting. Radians, seconds.
 Sources: Velodyne, VLP-16 User Manual 63-9243: 16 lasers fire 2.304 us apart, a sequence lasts

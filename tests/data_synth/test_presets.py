@@ -7,6 +7,7 @@ from data_synth import PRESETS, PROFILES, SimulationConfig, covering, make_confi
 from data_synth.farm import Layout
 from data_synth.navigation import NAVIGATION
 from data_synth.presets import NOT_NEGATIVE, SCENES, TERRAINS, parse_parameters, read_site
+from data_synth.sensors import SCANNERS
 from data_synth.surfaces import ROOF_SURFACES
 from paperrepro.errors import BadInput
 
@@ -24,6 +25,7 @@ def test_default_is_the_quick_survey_of_a_hand_mounted_scanner():
         ("terrain", TERRAINS),
         ("navigation", NAVIGATION),
         ("roof_surface", ROOF_SURFACES),
+        ("scanner", SCANNERS),
     ],
 )
 def test_unknown_choice_names_the_choices(field, choices):

@@ -66,7 +66,16 @@ def test_a_line_scanner_sweeps_a_plane_a_hundred_times_a_second():
     assert lines == pytest.approx(100.0, abs=1.0)
 
 
-def test_a_solid_state_scanner_fills_a_cone_about_nadir_and_never_repeats():
+@pytest.mark.parametrize("thinning", [1, 16])
+@pytest.mark.parametrize("name", ["line", "solid-state"])
+def test_scanners_without_rings_measure_as_many_points_as_the_first(name, thinning):
+    count, first = (
+        len(fire(START, DURATION, thinning, SCANNERS[each])) for each in (name, "VLP-16 Hi-Res")
+    )
+    assert count == pytest.approx(first, rel=0.05)
+
+
+def test_a_solid_state_scanner_fills_a_cone_about_nadir_and_does_not_soon_repeat():
     pulses = fire(START, DURATION, model=SCANNERS["solid-state"])
     assert len(pulses) / DURATION == pytest.approx(100_000, rel=1e-3)
     off_nadir = np.arccos(np.cos(pulses.azimuth) * np.cos(pulses.elevation))
