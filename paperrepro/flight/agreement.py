@@ -25,6 +25,8 @@ from paperrepro.survey import Survey
 EVIDENCE = 9.0
 #: Points of a view that are looked at together: the noise of ranges averages out, the roll stays.
 TOGETHER = 25
+#: Elevations that scatter by more than this, rad, are no plane's: the beams go anywhere.
+ANYWHERE = np.radians(2.0)
 #: Noise further above its specification than this is no noise: a factor, and sigma0.
 PLAUSIBLE_FACTOR, PLAUSIBLE_SIGMA0 = 3.0, 2.0
 
@@ -64,12 +66,14 @@ def _unseen(survey: Survey, tie_planes: TiePlanes) -> Iterator[tuple[Hypothesis,
     rays, mounting = tie_planes.rays, survey.mounting
     p_m = georeference(rays, mounting)
     elevation = ray_test.laser_rays(rays.pose, p_m, mounting)[1]
+    anywhere = not len(survey.scanner.beam_elevations) and np.std(elevation) > ANYWHERE
     for hypothesis in ATTITUDES:
         attitude = hypothesis.change(_Poses(rays.pose[:, 3:])).attitude
         pose = np.column_stack([rays.pose[:, :3], attitude])
         azimuth, turned, rho = ray_test.laser_rays(pose, p_m, mounting)
-        if np.median(np.abs(turned - elevation)) <= ray_test.FITS:
-            changed = replace(rays, pose=pose, azimuth=azimuth, rho=rho)
+        if anywhere or np.median(np.abs(turned - elevation)) <= ray_test.FITS:
+            own = turned if anywhere else rays.elevation
+            changed = replace(rays, pose=pose, azimuth=azimuth, elevation=own, rho=rho)
             yield hypothesis, replace(tie_planes, rays=changed)
 
 
