@@ -156,7 +156,9 @@ def _survey(command: _Parser, seed: int | None = 1, words: str = "of the survey"
 def _strips(command: _Parser) -> None:
     """An operator's files, and where what is made of them goes."""
     command.option("strips", "LAS or LAZ files", nargs="+", type=Path, metavar="STRIP")
-    command.option("--trajectory", "SBET, unless the points hold poses", type=Path, metavar="FILE")
+    words = "SBET or text, unless the points hold poses"
+    command.option("--trajectory", words, type=Path, metavar="FILE")
+    command.option("--columns", "of a text without a head line, as time,lat,lon,height,roll,...")
     command.option("--mounting", "nominal mounting.toml", type=Path, required=True, metavar="FILE")
     command.option("--crs", "of the strips, as EPSG:31982; else their header's")
     command.option("--ring-dimension", "where a point's ring stands", "user_data", metavar="NAME")
@@ -305,7 +307,8 @@ def _calibrate(options: argparse.Namespace) -> int:
         steps("reading")
         flight = pr.read_flight(
             options.strips, options.trajectory, options.mounting, accuracy=options.accuracy,
-            crs=options.crs, ring_dimension=options.ring_dimension, progress=steps.within,
+            crs=options.crs, ring_dimension=options.ring_dimension, columns=options.columns,
+            progress=steps.within,
         )  # fmt: skip
         if options.write_strips:
             pr.flight.write.require_writable(flight, options.out)
@@ -317,7 +320,8 @@ def _calibrate(options: argparse.Namespace) -> int:
         steps("report")
         errors, files = own.result.trajectory, None
         if options.write_trajectory:
-            files = pr.flight.sbet.write_adjusted(options.trajectory, flight.frame, errors, draft)
+            flown = flight.trajectory_file
+            files = pr.flight.trajectory_file.write_adjusted(flown, flight.frame, errors, draft)
         calibration.write(own, draft / calibration.NAME, notes=list(flight.notes), trajectory=files)
         pictures = pr.figures.flight.pictures(own)
         page = pr.figures.flight.page(own, pictures, _files(options), flight.notes)
@@ -355,7 +359,7 @@ def _apply(options: argparse.Namespace) -> int:
     with _steps(options) as steps:
         applied = pr.apply_calibration(
             options.strips, options.trajectory, options.mounting, options.calibration, options.out,
-            crs=options.crs, ring_dimension=options.ring_dimension,
+            crs=options.crs, ring_dimension=options.ring_dimension, columns=options.columns,
             mounting_only=options.mounting_only, checkpoints=options.checkpoints,
             progress=steps.within,
         )  # fmt: skip

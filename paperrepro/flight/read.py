@@ -25,7 +25,7 @@ from paperrepro.flight.geodesy import LocalFrame
 from paperrepro.flight.hypotheses import Evidence
 from paperrepro.flight.las import Records, StripFile, open_strip
 from paperrepro.flight.mounting import MountingFile, read_mounting
-from paperrepro.flight.sbet import Clock, read_accuracy, read_sbet
+from paperrepro.flight.sbet import Clock, read_accuracy
 from paperrepro.flight.table import (
     PULSES,
     READINGS,
@@ -37,6 +37,7 @@ from paperrepro.flight.table import (
     pose_columns,
     read_points,
 )
+from paperrepro.flight.trajectory_file import TrajectoryFile
 from paperrepro.method.coarse_to_fine import Progress, silent
 from paperrepro.method.control import ControlPoints
 from paperrepro.survey import Scanner, Strip, Survey, Trajectory
@@ -60,6 +61,8 @@ class Flight:
         How their points became rays.
     trajectory : str
         The file of the trajectory, for messages.
+    trajectory_file : TrajectoryFile or None
+        The same, to be read again; None where points carry their poses.
     """
 
     survey: Survey
@@ -68,6 +71,7 @@ class Flight:
     files: tuple[StripFile | TableFile, ...]
     decoder: Decoder
     trajectory: str
+    trajectory_file: TrajectoryFile | None = None
 
     def __repr__(self) -> str:
         points = sum(map(len, self.survey.strips))
@@ -88,6 +92,7 @@ def read_flight(
     accuracy: str | Path | None = None,
     crs: str | None = None,
     ring_dimension: str = "user_data",
+    columns: str | None = None,
     frame: LocalFrame | None = None,
     progress: Progress = silent,
 ) -> Flight:
@@ -98,7 +103,7 @@ def read_flight(
     strips : sequence of path
         LAS, LAZ (with GPS time and ring) or CSV.
     trajectory : path or None
-        An SBET. Without one each point must carry its pose.
+        An SBET, or text with a pose a line. Without one each point must carry its pose.
     mounting : path
         `mounting.toml`: nominal rotation (l to b) and lever arm (m, b-frame), scanner, GNSS/INS.
     accuracy : path, optional
@@ -107,6 +112,9 @@ def read_flight(
         Reference system of the strips, such as ``EPSG:32722``, in place of their headers'.
     ring_dimension : str
         Where the ring of a point stands.
+    columns : str, optional
+        Names of the trajectory's columns, with commas between, where it is text without a head
+        line.
     frame : LocalFrame, optional
         Where to estimate; by default at the middle of the strips, at their lowest point.
     progress : callable, optional
@@ -133,10 +141,11 @@ def read_flight(
     frame = frame or _frame_of(files, records)
     navigation = given.navigation
     named = Names(str(files[0].path), str(trajectory or files[0].path), str(mounting))
-    if trajectory is None:
+    flown = None if trajectory is None else TrajectoryFile(Path(trajectory), files[0].grid, columns)
+    if flown is None:
         decoder, scanner, notes = _decoder_of_poses(files, records, frame, given, named)
     else:
-        decoder, scanner, notes = _decoder_of_flown(files, records, frame, given, named)
+        decoder, scanner, notes = _decoder_of_flown(files, records, frame, given, named, flown)
     read, more = _read_all(files, decoder, done)
     path = decoder.poses
     path = path if isinstance(path, Trajectory) else flight_lines.joined_trajectory(read)
@@ -145,7 +154,7 @@ def read_flight(
     survey = Survey(tuple(read), path, given.mounting, scanner, navigation)
     of_files = [note for file in files for note in file.notes]
     notes = (*given.notes, *of_files, *notes, *more)
-    return Flight(survey, frame, notes, tuple(files), decoder, named.trajectory)
+    return Flight(survey, frame, notes, tuple(files), decoder, named.trajectory, flown)
 
 
 def read_control(path: str | Path | None, flight: Flight) -> ControlPoints | None:
@@ -220,9 +229,10 @@ def _frame_of(files: list, records: list[Records]) -> LocalFrame:
 
 
 def _decoder_of_flown(
-    files: list, records: list[Records], frame: LocalFrame, given: MountingFile, named: Names
-) -> tuple[Decoder, Scanner, list[str]]:
-    poses = read_sbet(named.trajectory)
+    files: list, records: list[Records], frame: LocalFrame, given: MountingFile, named: Names,
+    trajectory: TrajectoryFile,
+) -> tuple[Decoder, Scanner, list[str]]:  # fmt: skip
+    poses = trajectory.poses()
     clocks = decoding.clocks_of(files, records, poses.time)
     flown = poses.time + poses.week
     samples = tuple(

@@ -18,7 +18,6 @@ the end of a week. Leap seconds (UTC for GPS) are found by `consistency`, since 
 still lie within the flight.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -26,14 +25,9 @@ import numpy as np
 
 from paperrepro.errors import BadInput
 from paperrepro.flight.geodesy import LocalFrame
-from paperrepro.method.adjustment.result import TrajectoryErrors
 from paperrepro.survey import Navigation, Trajectory
 
 SBET_COLUMNS, SMRMSG_COLUMNS = 17, 10
-#: Files of an adjusted trajectory.
-ADJUSTED = {"sbet": "trajectory.sbet", "accuracy": "trajectory.smrmsg"}
-#: No adjustment moves a trajectory by more, m.
-LARGEST_CHANGE = 10.0
 WEEK = 604800.0
 
 
@@ -74,8 +68,12 @@ def read_sbet(path: Path) -> Poses:
     Raises `BadInput` for a file of another kind or length, for NaN, for degrees in place of
     radians, and for times that run backwards.
     """
-    table = _read_table(path, SBET_COLUMNS, "SBET")
-    time = _continuous(table[:, 0], path)
+    return poses_of(read_records(path, SBET_COLUMNS, "SBET"), path)
+
+
+def poses_of(table: np.ndarray, path: Path) -> Poses:
+    """The poses of records (M, 17) of the file ``path``; raises as `read_sbet`."""
+    time = continuous(table[:, 0], path)
     kept = np.r_[True, np.diff(time) > 0]  # a repeated record says nothing new
     table, time = table[kept], time[kept]
     _require_radians(table, path)
@@ -87,9 +85,9 @@ def read_accuracy(path: Path, navigation: Navigation, flown: np.ndarray) -> Navi
     """``navigation`` with the position and attitude sigmas of an SMRMSG: the root of their mean
     square over the file, and how they change. Raises `BadInput`, also where it holds nothing of
     the times ``flown`` (K,) s."""
-    table = _read_table(path, SMRMSG_COLUMNS, "SMRMSG")
+    table = read_records(path, SMRMSG_COLUMNS, "SMRMSG")
     time, (north, east, down, *_, roll, pitch, heading) = (
-        _continuous(table[:, 0], path),
+        continuous(table[:, 0], path),
         table.T[1:],
     )
     sigmas = np.column_stack([east, north, down, roll, pitch, heading])
@@ -109,55 +107,8 @@ def read_accuracy(path: Path, navigation: Navigation, flown: np.ndarray) -> Navi
     return navigation.with_profile(time, sigmas)
 
 
-def write_adjusted(
-    path: Path, frame: LocalFrame, errors: TrajectoryErrors, folder: Path
-) -> dict[str, str]:
-    """Write the SBET ``path`` as adjusted into ``folder``: position and attitude with what
-    ``errors`` adds in the m-frame of ``frame``, its times earlier by the laser's delay, all else as
-    it is; and an SMRMSG of the sigma. Velocities are not adjusted and their sigma are zeros. Gives
-    the names of both files."""
-    table = _read_table(path, SBET_COLUMNS, "SBET")
-    time = _continuous(table[:, 0], path)
-    added, sigma = errors.at(time + week_start(time) - errors.delay)
-    place, level = table[:, 1:4].T, table[:, 7:10]
-    attitude = frame.attitude_from_level(*place[:2], level) + added[:, 3:]
-    turned = frame.attitude_to_level(*place[:2], attitude) - level
-    table[:, 7:10] += np.angle(np.exp(1j * turned))
-    table[:, 1:4] = np.column_stack(frame.to_geodetic(frame.from_geodetic(*place) + added[:, :3]))
-    table[:, 0] -= errors.delay
-    table.tofile(folder / ADJUSTED["sbet"])
-    east, north, down = sigma[:, :3].T
-    minutes = 60 * np.degrees(sigma[:, 3:])
-    nothing = np.zeros((len(table), 3))
-    columns = [table[:, 0], north, east, down, nothing, minutes]
-    np.column_stack(columns).tofile(folder / ADJUSTED["accuracy"])
-    return dict(ADJUSTED)
-
-
-def adjustment(
-    path: Path, adjusted: Path, frame: LocalFrame
-) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Poses (N, 6) as `write_adjusted` left them, of times (N,) s and poses by the SBET ``path``.
-    Raises `BadInput` where the two are not of one flight, and `OutsideTrajectory`."""
-    before, after = (read_sbet(file).in_frame(frame) for file in (path, adjusted))
-
-    def correct(time: np.ndarray, pose: np.ndarray) -> np.ndarray:
-        covered = np.clip(time, after.time[0], after.time[-1])  # the laser's delay at its ends
-        change = after.at(covered, str(adjusted)) - before.at(time, str(path))
-        change[:, 3:] = np.angle(np.exp(1j * change[:, 3:]))
-        largest = float(np.abs(change[:, :3]).max(initial=0.0))
-        if largest > LARGEST_CHANGE:
-            raise BadInput(
-                f"{adjusted}: lies {largest:.1f} m from {path}: it is of another flight; give the "
-                "trajectory that was calibrated, or --mounting-only"
-            )
-        return pose + change
-
-    return correct
-
-
-def _read_table(path: Path, columns: int, kind: str) -> np.ndarray:
-    """(M, columns) of a file of float64 records."""
+def read_records(path: Path, columns: int, kind: str) -> np.ndarray:
+    """(M, columns) of a file of float64 records. Raises `BadInput`."""
     path = Path(path)
     if not path.is_file():
         raise BadInput(f"{path}: no such file; give the {kind} of this flight")
@@ -184,7 +135,7 @@ def _read_table(path: Path, columns: int, kind: str) -> np.ndarray:
     return table
 
 
-def _continuous(time: np.ndarray, path: Path) -> np.ndarray:
+def continuous(time: np.ndarray, path: Path) -> np.ndarray:
     """Times without the jump back at the end of a GPS week."""
     step = np.diff(time)
     week = np.cumsum(np.r_[0, step < -0.5 * WEEK]) * WEEK

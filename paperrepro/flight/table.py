@@ -157,11 +157,11 @@ PREFIXES = ("sensor", "scanner", "platform", "imu", "ins", "pose")
 DEGREE = np.pi / 180
 ANGLE_SUFFIXES = {"rads": 1.0, "rad": 1.0, "radians": 1.0, "degs": DEGREE, "deg": DEGREE,
             "degrees": DEGREE}  # fmt: skip
-ON_THE_MAP = (("x",), ("y",), ("z",))
+ON_THE_MAP = (("x", "easting", "east"), ("y", "northing", "north"), ("z", "height", "h", "up"))
 GEODETIC = (
     ("latitude", "lat"),
     ("longitude", "lon", "lng"),
-    ("elevation", "height", "altitude", "ellipsoidalheight", "h"),
+    ("elevation", "height", "altitude", "ellipsoidalheight", "ellipsoidheight", "hell", "h"),
 )
 ATTITUDE = (("roll",), ("pitch",), ("heading", "yaw"))
 #: How an attitude may be written, in words and as signs of heading and pitch, its start rad, and
@@ -198,30 +198,32 @@ class PoseColumns:
         return latitude * unit, longitude * unit, height, attitude
 
 
-def pose_columns(names: Iterable[str]) -> PoseColumns | None:
-    """The columns that hold poses, or None where they are not all there."""
-    plain = {_plain(name): name for name in names}
-    attitude = _all_of(plain, ATTITUDE)
-    for kind in (ON_THE_MAP, GEODETIC):
-        position = _all_of(plain, kind, prefixed=kind is ON_THE_MAP)
+def pose_columns(names: Iterable[str], of_points: bool = True) -> PoseColumns | None:
+    """The columns that hold poses, or None where they are not all there; ``of_points``, whose own
+    coordinates x, y, z are, or of a trajectory."""
+    known = {plain(name): name for name in names}
+    attitude = _all_of(known, ATTITUDE)
+    for kind in (ON_THE_MAP, GEODETIC) if of_points else (GEODETIC, ON_THE_MAP):
+        position = _all_of(known, kind, prefixed=of_points and kind is ON_THE_MAP)
         if position and attitude:
-            named = [u for end, u in ANGLE_SUFFIXES.items() if _plain(attitude[0]).endswith(end)]
+            named = [u for end, u in ANGLE_SUFFIXES.items() if plain(attitude[0]).endswith(end)]
             units = (named[0],) if named else (1.0, DEGREE)
             return PoseColumns(position, kind is GEODETIC, attitude, units)
     return None
 
 
-def _plain(name: str) -> str:
+def plain(name: str) -> str:
+    """A name's letters and digits, small."""
     return "".join(c for c in name.lower() if c.isalnum())
 
 
-def _all_of(plain: dict[str, str], wanted, prefixed: bool = False) -> tuple[str, ...] | None:
+def _all_of(known: dict[str, str], wanted, prefixed: bool = False) -> tuple[str, ...] | None:
     """The column of each of ``wanted``, bare or ``prefixed`` (the points' own x, y, z are bare)."""
     starts = PREFIXES if prefixed else ("", *PREFIXES)
     ends = ("", *ANGLE_SUFFIXES)
     found = [
         next(
-            (plain[s + n + e] for n in names for s in starts for e in ends if s + n + e in plain),
+            (known[s + n + e] for n in names for s in starts for e in ends if s + n + e in known),
             None,
         )
         for names in wanted

@@ -23,7 +23,7 @@ from paperrepro.flight.calibration_file import read_calibration
 from paperrepro.flight.las import FILE_ERRORS, SOFTWARE, StripFile, first_line, opened
 from paperrepro.flight.mounting import read_mounting
 from paperrepro.flight.read import Flight, read_control, read_flight, require_apart
-from paperrepro.flight.sbet import adjustment
+from paperrepro.flight.trajectory_file import adjustment
 from paperrepro.method.coarse_to_fine import Progress, silent
 from paperrepro.method.control import CheckedHeights, Correct, check_heights
 from paperrepro.method.georeference import georeference
@@ -58,6 +58,7 @@ def apply_calibration(
     *,
     crs: str | None = None,
     ring_dimension: str = "user_data",
+    columns: str | None = None,
     mounting_only: bool = False,
     checkpoints: str | Path | None = None,
     progress: Progress = silent,
@@ -69,14 +70,14 @@ def apply_calibration(
     strips : sequence of path
         LAS or LAZ.
     trajectory : path or None
-        The SBET with which their coordinates were computed.
+        The SBET, or text, with which their coordinates were computed.
     mounting : path
         `mounting.toml`, the nominal one.
     calibration : path
         `calibration.json`: boresight (deg), and range offsets and lever arm (m) where it has them.
     out : path
         Folder to write into, under the files' own names.
-    crs, ring_dimension
+    crs, ring_dimension, columns
         As for `read_flight`.
     mounting_only : bool
         Poses stay as reported, though the calibration has an adjusted trajectory.
@@ -100,13 +101,14 @@ def apply_calibration(
     early = read_calibration(calibration, given.mounting)
     require_apart(strips, out)
     flight = read_flight(
-        strips, trajectory, mounting, crs=crs, ring_dimension=ring_dimension, progress=progress
-    )
+        strips, trajectory, mounting, crs=crs, ring_dimension=ring_dimension, columns=columns,
+        progress=progress,
+    )  # fmt: skip
     survey, points = flight.survey, read_control(checkpoints, flight)
     calibrated = read_calibration(calibration, survey.mounting, survey.scanner)
     correct = None
     if calibrated.trajectory and trajectory is not None and not mounting_only:
-        correct = adjustment(Path(trajectory), calibrated.trajectory, flight.frame)
+        correct = adjustment(flight.trajectory_file, calibrated.trajectory, flight.frame)
     written = write_strips(flight, calibrated.mounting, out, correct, progress)
     count = sum(file.count for file in flight.files)
     notes = (*early.notes, *flight.notes, *_copc_notes(flight))
