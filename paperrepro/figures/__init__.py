@@ -26,6 +26,7 @@ SCENARIO_COLOURS = {
     "B": "#cc79a7",
     "C": "#009e73",
     "D": "#d55e00",
+    "D trajectory adjusted": "#7a3600",
     "truth": "#000000",
 }
 SCENARIO_NAMES = {
@@ -33,6 +34,7 @@ SCENARIO_NAMES = {
     "SL": "[11] = SL",
     "D": "D (ours)",
     "D noise found": "D, noise found",
+    "D trajectory adjusted": "D, trajectory adjusted (ours)",
     "truth": "true mounting",
 }
 

@@ -12,6 +12,12 @@ from paperrepro.paper.numbers import number
 CM = 100.0
 
 
+def _tick(scenario: str) -> str:
+    """A name for a narrow place."""
+    short = scenario_name(scenario).split(" = ")[0].replace(" (", "\n(")
+    return short.replace(", trajectory adjusted", " +\ntraj.").split("\n(ours)")[0]
+
+
 def rmse_bars(
     ax: Axes, table: pd.DataFrame, floor_m: float,
     spread_m: dict[str, tuple[float, float]] | None = None,
@@ -34,7 +40,7 @@ def rmse_bars(
         label=f"floor, true mounting: {CM * floor_m:.1f} cm",
     )  # fmt: skip
     ax.legend(loc="upper right")
-    ax.set_xticks(range(len(table)), [scenario_name(name) for name in table.scenario])
+    ax.set_xticks(range(len(table)), map(_tick, table.scenario))
     ax.set_ylabel("RMSE (cm)")
     ax.set_xlim(-0.6, len(table) - 0.4)
     most = max([floor_m, *table.rmse_m, *(reach[1] for reach in reaches.values() if reach)])
@@ -79,14 +85,21 @@ def histogram(ax: Axes, table: pd.DataFrame, scenario: str, shape: Distribution)
     return ax
 
 
-def histograms(axes, table: pd.DataFrame, shapes: dict[str, Distribution]) -> None:
+def histograms(
+    axes, table: pd.DataFrame, shapes: dict[str, Distribution],
+    spread_m: dict[str, tuple[float, float]] | None = None,
+) -> None:  # fmt: skip
     """Fig. 8: a panel for each scenario of `histogram_table`, in the order of ``shapes``, whose
-    mean, sigma and distance from a normal distribution are written above."""
+    mean, sigma and distance from a normal distribution are written above; ``spread_m``, what the
+    means of other surveys span, below the mean."""
     for ax, letter, (name, shape) in zip(axes, "abcdef", shapes.items(), strict=False):
         histogram(ax, table, name, shape)
+        reach = " to ".join(number(CM * m, 1, signed=True) for m in (spread_m or {}).get(name, ()))
         ax.set_title(
             f"({letter}) {scenario_name(name)}\nmean {number(CM * shape.mean, 1, signed=True)} cm\n"
-            f"σ {number(CM * shape.sigma, 1)} cm\nKS {number(100 * shape.ks, 1)} %"
+            + (f"({reach})\n" if reach else "\n" if spread_m else "")
+            + f"σ {number(CM * shape.sigma, 1)} cm\nKS {number(100 * shape.ks, 1)} %",
+            fontsize=7.5,
         )
     for ax in axes[2:]:
         ax.sharey(axes[1])
@@ -120,8 +133,7 @@ def offset_strips(
     for words, bound in bounds_m.items():
         ax.axhline(CM * bound, color="#4d4d4d", lw=0.7, ls=(0, (4, 2)))
         ax.text(len(stages) - 0.45, CM * bound, words, ha="right", va="bottom", fontsize=7)
-    names = [scenario_name(name).split(" = ")[0].replace(" ", "\n") for name in scenarios]
-    ax.set_xticks(range(len(stages)), names)
+    ax.set_xticks(range(len(stages)), map(_tick, scenarios))
     for stage in dict.fromkeys(stages):
         places = [x for x, of in enumerate(stages) if of == stage]
         words = f"after {stage}" if stage else ""

@@ -19,6 +19,7 @@ from paperrepro.figures import accuracy, calibration, flight, refinement, roofs,
 from paperrepro.method.accuracy import Distribution, ground_spread, ring_spread
 from paperrepro.method.georeference import georeference
 from paperrepro.paper.published import TABLE1
+from paperrepro.study.rows import ADJUSTED
 from paperrepro.survey import Mounting, Rays
 
 NOTEBOOKS = sorted((Path(__file__).resolve().parents[3] / "notebooks").glob("[0-9][0-9]_*.ipynb"))
@@ -101,7 +102,8 @@ def test_the_same_figure_gives_the_same_bytes(tmp_path):
 
 
 def test_scenarios_and_strips_have_colours_of_their_own():
-    assert set(figures.SCENARIO_COLOURS) == {"before", "SL", "A", "B", "C", "D", "truth"}
+    names = {"before", "SL", "A", "B", "C", "D", ADJUSTED, "truth"}
+    assert set(figures.SCENARIO_COLOURS) == names
     assert set(figures.STRIP_COLOURS) == {strip for pair in TABLE1 for strip in pair}
     for colours in (figures.SCENARIO_COLOURS, figures.STRIP_COLOURS):
         rgb = [np.array(matplotlib.colors.to_rgb(colour)) for colour in colours.values()]
