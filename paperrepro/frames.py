@@ -22,6 +22,8 @@ from paperrepro.errors import NotARotation
 #: The boresight's angles, and what they turn about in words.
 ANGLES, AXIS_WORDS = ("omega", "phi", "kappa"), ("roll", "pitch", "yaw")
 
+BODY_AXES = ("forward", "right", "down")
+
 #: North-east-down to east-north-up; its own inverse.
 T_NED_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 

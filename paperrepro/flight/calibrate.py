@@ -33,6 +33,7 @@ from paperrepro.method.control import (
     CheckedHeights,
     ControlPoints,
     check_heights,
+    clouds_of,
     left_out,
     with_control,
 )
@@ -191,9 +192,8 @@ def calibrate_flight(
     checked = None
     if checkpoints is not None:
         progress(f"heights over {len(checkpoints.names)} checkpoints")
-        clouds = {"before": (survey.mounting, None), "mounting": (result.calibrated, None)}
-        if result.trajectory is not None:
-            clouds["trajectory"] = result.calibrated, result.trajectory.poses
+        correct = None if result.trajectory is None else result.trajectory.poses
+        clouds = clouds_of(survey.mounting, result.calibrated, correct)
         checked = check_heights(survey, checkpoints, clouds)
     return OwnFlight(
         survey, kind, result, tie_planes, rejected, found.boresights, distances, tuple(remarks),

@@ -16,7 +16,7 @@ from paperrepro.flight import ray_test
 from paperrepro.flight.geodesy import Grid, LocalFrame
 from paperrepro.flight.ray_test import Fit, Sample
 from paperrepro.flight.sbet import Poses
-from paperrepro.frames import rotation_zyx
+from paperrepro.frames import BODY_AXES, rotation_zyx
 from paperrepro.survey import Mounting
 
 #: Points lie within this of the trajectory, m, in plan and in height.
@@ -24,7 +24,6 @@ NEAR, STEEP = 2000.0, 1000.0
 FOOT = 0.3048
 #: UTC is behind GPS time by so much: since 2017, 2015, 2012, 2009, 2006.
 LEAP_SECONDS = (18.0, 17.0, 16.0, 15.0, 14.0)
-BODY_AXES = ("forward", "right", "down")
 #: Of all points, the share that may lie outside of the trajectory's time.
 OUTSIDE = 0.001
 

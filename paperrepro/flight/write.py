@@ -25,7 +25,7 @@ from paperrepro.flight.mounting import read_mounting
 from paperrepro.flight.read import Flight, read_control, read_flight, require_apart
 from paperrepro.flight.trajectory_file import adjustment
 from paperrepro.method.coarse_to_fine import Progress, silent
-from paperrepro.method.control import CheckedHeights, Correct, check_heights
+from paperrepro.method.control import CheckedHeights, Correct, check_heights, clouds_of
 from paperrepro.method.georeference import georeference
 from paperrepro.survey import Mounting, Rays
 
@@ -114,8 +114,7 @@ def apply_calibration(
     notes = (*early.notes, *flight.notes, *_copc_notes(flight))
     checked = None
     if points is not None:
-        clouds = {"before": (survey.mounting, None), "mounting": (calibrated.mounting, None)}
-        clouds |= {"trajectory": (calibrated.mounting, correct)} if correct else {}
+        clouds = clouds_of(survey.mounting, calibrated.mounting, correct)
         checked = check_heights(survey, points, clouds)
     return Applied(tuple(written), count, notes, checked)
 

@@ -122,6 +122,15 @@ def left_out(off: tuple[str, ...], uneven: tuple[str, ...]) -> str:
     return f"Points not used: {' and '.join(parts)}."
 
 
+def clouds_of(
+    nominal: Mounting, calibrated: Mounting, correct: Correct | None = None
+) -> dict[str, tuple[Mounting, Correct | None]]:
+    """Clouds whose heights are compared, before a calibration, with its mounting and with its
+    trajectory, where it ``correct``s poses, for `check_heights`."""
+    clouds = {"before": (nominal, None), "mounting": (calibrated, None)}
+    return clouds | {"trajectory": (calibrated, correct)} if correct else clouds
+
+
 def check_heights(
     survey: Survey, points: ControlPoints, clouds: Mapping[str, tuple[Mounting, Correct | None]]
 ) -> CheckedHeights:

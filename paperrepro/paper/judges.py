@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from paperrepro.frames import ANGLES
-from paperrepro.method.adjustment.trajectory_equations import AXES, PRIOR_SIGMA
+from paperrepro.frames import ANGLES, BODY_AXES
+from paperrepro.method.adjustment.trajectory_equations import PRIOR_SIGMA
 from paperrepro.paper.numbers import shown, span
 from paperrepro.paper.published import ATTITUDE_ACCURACY
 from paperrepro.paper.verdicts import NO, OPEN, YES, Judged
@@ -419,7 +419,7 @@ def within_specification(surveys: Surveys, scenario: str) -> pd.Series:
 def lever_arm_found(surveys: Surveys) -> pd.Series:
     """Scenario D finds the forward and right parts of the lever arm better than half of its prior
     sigma; the down part is not asked."""
-    errors = [surveys.of(LEVER_ARM, f"error_{axis}") for axis in AXES[:2]]
+    errors = [surveys.of(LEVER_ARM, f"error_{axis}") for axis in BODY_AXES[:2]]
     return _all_within(errors, [PRIOR_SIGMA / 2] * 2)
 
 

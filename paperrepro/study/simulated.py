@@ -16,7 +16,7 @@ from data_synth.evaluation import ViewTruth, judge_views, trajectory_error, true
 from data_synth.navigation import ATTITUDE_SIGMA, CORRELATION_TIME, POSITION_SIGMA
 from paperrepro._cache import cached
 from paperrepro.errors import BadInput
-from paperrepro.frames import ANGLES, boresight_matrix
+from paperrepro.frames import ANGLES, BODY_AXES, boresight_matrix
 from paperrepro.method.accuracy import (
     Distribution,
     ReferencePlanes,
@@ -31,7 +31,7 @@ from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES, calibrate
 from paperrepro.method.adjustment.model_checks import model_checks
 from paperrepro.method.adjustment.quality import TrueNoise, cramer_rao_bound
 from paperrepro.method.adjustment.result import CalibrationResult
-from paperrepro.method.adjustment.trajectory_equations import AXES, GaussMarkov
+from paperrepro.method.adjustment.trajectory_equations import GaussMarkov
 from paperrepro.method.adjustment.trajectory_errors import NODE_SPACING, find_noise
 from paperrepro.method.coarse_to_fine import (
     Candidates,
@@ -431,7 +431,7 @@ def _add_lever_arm(rows: SurveyRows, flown: SimulatedSurvey) -> None:
     result = rows.calibrated(LEVER_ARM, survey, flown.found.tie_planes, "D", lever_arm=True)
     if result:
         error = result.lever_arm.value - flown.truth.mounting.lever_arm
-        for axis, *pair in zip(AXES, error, result.lever_arm.sigma, strict=True):
+        for axis, *pair in zip(BODY_AXES, error, result.lever_arm.sigma, strict=True):
             rows.add(LEVER_ARM, f"error_{axis}", pair[0], "m", pair[1])
 
 

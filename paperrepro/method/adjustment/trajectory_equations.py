@@ -23,6 +23,7 @@ import numba
 import numpy as np
 
 from paperrepro._compiled import over_threads, turned
+from paperrepro.frames import BODY_AXES
 from paperrepro.method.adjustment.conditions import FINAL, PreparedRays, Unknowns, axes
 from paperrepro.method.adjustment.kernels import adjust_observations, moved, ray
 from paperrepro.method.georeference import body_to_map
@@ -341,7 +342,6 @@ PRIOR_SIGMA = 0.05
 CLOCK_SIGMA = 0.01
 #: An axis counts as determined where the flight leaves no more than this share of the prior sigma.
 DETERMINED = 0.5
-AXES = ("forward", "right", "down")
 
 
 @dataclass(frozen=True)
@@ -458,7 +458,7 @@ class LeverArm:
         return "lever arm: " + ", ".join(self._words(axis) for axis in range(3))
 
     def _words(self, axis: int) -> str:
-        words = f"{AXES[axis]} {self.value[axis]:+.3f} m (sigma {self.sigma[axis]:.3f} m"
+        words = f"{BODY_AXES[axis]} {self.value[axis]:+.3f} m (sigma {self.sigma[axis]:.3f} m"
         if not self.determined[axis]:
             words += f"; not determined by this flight, given to {self.prior_sigma:.3f} m before it"
         return words + ")"

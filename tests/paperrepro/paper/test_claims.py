@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from paperrepro.frames import ANGLES
-from paperrepro.method.adjustment.trajectory_equations import AXES
+from paperrepro.frames import ANGLES, BODY_AXES
 from paperrepro.paper import claims, judges, published, tables
 from paperrepro.paper.published import Published
 from paperrepro.paper.verdicts import (
@@ -126,7 +125,7 @@ def usual_rows():
                 add(run, name, f"{metric}_{against}", metric)
         for angle in ANGLES:
             add(run, BOUND, f"bound_{angle}", "bound")
-        for axis in AXES:
+        for axis in BODY_AXES:
             add(run, LEVER_ARM, f"error_{axis}", "lever_arm", 1.0)
     return pd.DataFrame(rows)
 
