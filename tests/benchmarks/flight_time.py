@@ -1,13 +1,28 @@
-"""Longer flights for scenario D: the same lines flown again, later."""
+"""Longer flights for scenario D: the same lines flown again, later, and larger villages."""
 
 from dataclasses import replace
 
 import numpy as np
 
+from data_synth.farm import SITES_PER_SHED, Layout
+from data_synth.flight import HALF_SWATH, FlightLine, covering, flight_plan, fly
+from data_synth.motion import Motion
 from paperrepro.method.adjustment.result import CalibrationResult
-from paperrepro.method.adjustment.trajectory_errors import calibrate_with_trajectory
+from paperrepro.method.adjustment.trajectory_errors import (
+    calibrate_with_trajectory,
+    specified_process,
+)
 from paperrepro.method.tie_planes import TiePlanes
-from paperrepro.survey import Rays, Survey, Trajectory
+from paperrepro.survey import Mounting, Rays, Survey, Trajectory
+from tests.paperrepro.labelled import (
+    LEVER_ARM,
+    NAVIGATION,
+    SCANNER,
+    gable_planes,
+    reaching,
+    survey_of,
+)
+from tests.paperrepro.method.adjustment.flying import with_trajectory_error
 
 
 def repeated(survey: Survey, tie_planes: TiePlanes, times: int) -> tuple[Survey, TiePlanes]:
@@ -37,3 +52,50 @@ def _later(rays: Rays, by: float) -> Rays:
 def solve(survey: Survey, tie_planes: TiePlanes, near: np.ndarray) -> CalibrationResult:
     """Scenario D, from ``near`` (3,) rad."""
     return calibrate_with_trajectory(survey, tie_planes, near=near)
+
+
+def village(rows: int, columns: int, count: int = 60, seed: int = 0) -> tuple[Survey, TiePlanes]:
+    """Gable roofs of so many building sites, flown in lines to and fro and two across, ``count``
+    points a view, under the errors that the specifications state."""
+    rng, layout = np.random.default_rng(seed), Layout(rows, columns)
+    lines = flight_plan(covering(*layout.extent))
+    motion, truth = fly(lines, rng), Mounting(lever_arm=LEVER_ARM)
+    planes, centres = gable_planes(rng, layout.n_gable)
+    sites = np.delete(layout.sites, slice(SITES_PER_SHED - 1, None, SITES_PER_SHED), axis=0)
+    sites = np.repeat(sites, 2, axis=0)
+    centres[:, :2] = sites + 2 * planes[:, :2] / np.linalg.norm(planes[:, :2], axis=1)[:, None]
+    planes[:, 3] = np.einsum("ga,ga->g", planes[:, :3], centres)
+    faces, strips, planes_of = [], [], []
+    for line in lines:
+        rays, seen = _views(rng, planes, centres, line, motion, truth, count)
+        faces += [rays.take(slice(k, k + count)) for k in range(0, len(rays), count)]
+        strips += len(seen) * [line.name]
+        planes_of += seen.tolist()
+    ties = [np.flatnonzero(np.array(planes_of) == g).tolist() for g in range(len(planes))]
+    flown = motion.record()
+    pairs = [(tie[0], other) for tie in ties for other in tie[1:]]
+    tie_planes = with_trajectory_error(
+        TiePlanes.build(faces, strips, ties, pairs), rng, specified_process(NAVIGATION)
+    )
+    return replace(survey_of(), trajectory=flown), tie_planes
+
+
+def _views(rng, planes, centres, line: FlightLine, motion: Motion, truth: Mounting, count: int):
+    """Rays, ``count`` a view, of what ``line`` sees of roofs' sides, and which (V,) these are."""
+    along = line.velocity / np.linalg.norm(line.velocity)
+    above = line.height - centres[:, 2:]
+    target = centres[:, None, :2] + rng.uniform(-2, 2, (len(planes), count, 2))
+    ring = rng.integers(0, SCANNER.n_rings, (len(planes), count))
+    ahead = (target - line.start) @ along - above * np.tan(SCANNER.beam_elevations[ring])
+    time = line.start_time + ahead / np.linalg.norm(line.velocity)
+    across = (target - line.start) @ [along[1], -along[0]]
+    seen = np.abs(across).max(axis=1) < 0.9 * (above * np.tan(HALF_SWATH))[:, 0]
+    seen &= (time.min(axis=1) > line.start_time) & (time.max(axis=1) < line.end_time)
+    (seen,) = np.nonzero(seen)
+    target, ring, time = (each[seen].reshape(-1, *each.shape[2:]) for each in (target, ring, time))
+    pose = motion.at(time)
+    across = (target - pose[:, :2]) @ [along[1], -along[0]]
+    azimuth = pose[:, 5] - np.arctan2(across, np.repeat(above[seen], count))
+    elevation, on = SCANNER.beam_elevations[ring], np.repeat(planes[seen], count, axis=0)
+    rays = Rays(pose, ring, azimuth, elevation, np.zeros(len(time)), time)
+    return reaching(on, rays, truth), seen

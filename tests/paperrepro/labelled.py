@@ -51,15 +51,17 @@ def rays_on_plane(rng, plane, centre, heading_deg, mounting, count, line_offset=
     pose = np.column_stack([position, mean + motion])
     across = (target - position) @ aside
     azimuth = -np.arctan2(across, 27.0) + pose[:, 3]
-    return _reaching(plane, Rays(pose, ring, azimuth, elevation, np.zeros(count)), mounting)
+    return reaching(plane, Rays(pose, ring, azimuth, elevation, np.zeros(count)), mounting)
 
 
-def _reaching(plane, rays, mounting):
-    """``rays`` with the measured range that puts each on ``plane`` under ``mounting``."""
+def reaching(plane, rays, mounting):
+    """``rays`` with the measured range that puts each on its ``plane``, (4,) or (N, 4), under
+    ``mounting``."""
     offset = mounting.offsets(SCANNER.n_rings)[rays.ring]
     start = georeference(replace(rays, rho=-offset), mounting)
     step = georeference(replace(rays, rho=1.0 - offset), mounting) - start
-    rho = (plane[3] - start @ plane[:3]) / (step @ plane[:3])
+    on = [(plane[..., :3] * each).sum(axis=-1) for each in (start, step)]
+    rho = (plane[..., 3] - on[0]) / on[1]
     return replace(rays, rho=rho - offset)
 
 

@@ -1,4 +1,4 @@
-"""Cholesky factor of normal equations that are a sum of small dense parts in order of time.
+"""Cholesky factor of normal equations that are a sum of small dense parts, each at its place.
 
 Multifrontal with nested dissection (Duff & Reid 1983; George 1973): the parts are halved again and
 again, and what no part outside a half knows is eliminated in it. The inverse is found where two
@@ -34,20 +34,26 @@ class BlockCholesky:
     log_det: float
 
     @classmethod
-    def of(cls, parts: list[np.ndarray], places: list[np.ndarray], n: int) -> "BlockCholesky":
+    def of(
+        cls, parts: list[np.ndarray], places: list[np.ndarray], n: int, order: np.ndarray
+    ) -> "BlockCholesky":
         """Of the positive definite sum of ``parts`` (r, r), each at its ``places`` (r,) among the
-        ``n`` unknowns. `numpy.linalg.LinAlgError` where it is not."""
+        ``n`` unknowns; their ``order`` is that of `dissected`. `numpy.linalg.LinAlgError` where it
+        is not."""
         diagonal, first, last = np.zeros(n), np.full(n, len(parts)), np.full(n, -1)
-        for number, (part, where) in enumerate(zip(parts, places, strict=True)):
-            diagonal[where] += np.diag(part)
+        for number, part in enumerate(order):
+            where = places[part]
+            diagonal[where] += np.diag(parts[part])
             first[where] = np.minimum(first[where], number)
             last[where] = number
         scale, fronts = 1 / np.sqrt(diagonal), []
 
         def front(begin: int, end: int) -> tuple["Front | int", np.ndarray, np.ndarray]:
             if end - begin == 1:
-                where = places[begin]
-                children, below = (begin,), [(where, parts[begin] * np.outer(*2 * [scale[where]]))]
+                number = int(order[begin])
+                where = places[number]
+                children = (number,)
+                below = [(where, parts[number] * np.outer(*2 * [scale[where]]))]
             else:
                 middle = (begin + end) // 2
                 made = front(begin, middle), front(middle, end)
@@ -55,10 +61,10 @@ class BlockCholesky:
             known = np.unique(np.concatenate([where for where, _ in below]))
             done = (first[known] >= begin) & (last[known] < end)
             known, o = np.concatenate([known[done], known[~done]]), int(done.sum())
-            order = np.argsort(known)
+            sorter = np.argsort(known)
             F = np.zeros((len(known), len(known)))
             for where, part in below:
-                at = order[np.searchsorted(known, where, sorter=order)]
+                at = sorter[np.searchsorted(known, where, sorter=sorter)]
                 F[np.ix_(at, at)] += part
             L = np.linalg.cholesky(F[:o, :o])
             G = solve_triangular(L, F[:o, o:], lower=True) if o else F[:o, o:]
@@ -98,10 +104,10 @@ class BlockCholesky:
                 full[:o, o:] = -gain @ Q
                 full[o:, :o] = full[:o, o:].T
                 full[:o, :o] = lower.T @ lower - full[:o, o:] @ gain.T
-            order = np.argsort(known)
+            sorter = np.argsort(known)
             for child in f.children:
                 where = child.rest if isinstance(child, Front) else self.places[child]
-                at = order[np.searchsorted(known, where, sorter=order)]
+                at = sorter[np.searchsorted(known, where, sorter=sorter)]
                 block = full[np.ix_(at, at)]
                 if isinstance(child, Front):
                     descend(child, block)
@@ -110,3 +116,23 @@ class BlockCholesky:
 
         descend(self.fronts[-1], np.empty((0, 0)))
         return out
+
+
+def dissected(places: list[np.ndarray], coordinates: np.ndarray) -> np.ndarray:
+    """Order (P,) of parts such that its halves, and theirs again, share few unknowns: each is cut
+    across the one of the ``coordinates`` (P, c) where the fewest ``places`` are in both."""
+
+    def halved(members: np.ndarray) -> np.ndarray:
+        if len(members) < 3:
+            return members
+        best = min((_halves(members, places, along) for along in coordinates.T), key=lambda h: h[0])
+        return np.concatenate([halved(half) for half in best[1]])
+
+    return halved(np.arange(len(places)))
+
+
+def _halves(members, places, along) -> tuple[int, list[np.ndarray]]:
+    members = members[np.argsort(along[members], kind="stable")]
+    halves = np.split(members, [len(members) // 2])
+    seen = [np.unique(np.concatenate([places[part] for part in half])) for half in halves]
+    return len(np.intersect1d(*seen, assume_unique=True)), halves

@@ -271,16 +271,16 @@ def _result(
     state, step = solution.state, solution.step
     tie_planes, unknowns = model.tie_planes, model.unknowns
     kept, lever, u = unknowns.kept, unknowns.lever_at, len(state.x)
-    observability = _observability(step.S, kept, model.pseudo_weight)
+    Q = step.own(u)
+    observability = _observability(np.linalg.inv(Q)[:u, :u], kept, model.pseudo_weight)
     require_determined(observability)
-    Q = step.Q_y.copy()
     if found is not None:
         Q[:3, :3] += found.open
     sigma = np.sqrt(sum(np.square(process.sigma[3:]) for process in noise.processes))
     observability = observability.under(np.sqrt(np.diag(Q)[:3]), sigma)
-    planes, Q_planes = _planes_in_map(model, state, Q)
+    planes, Q_planes = _planes_in_map(model, state, step.of_planes())
     chi2 = solution.data.chi2 + prior_chi2(model, noise, state)
-    dof = len(tie_planes.rays) + np.count_nonzero(model.pseudo_weight) - len(Q) + 6
+    dof = len(tie_planes.rays) + np.count_nonzero(model.pseudo_weight) - step.size + 6
     dof += int(tie_planes.controlled.sum())
     beams = _beams(unknowns, state.x, Q)
     mounting = replace(unknowns.mounting, beam_offsets=beams.errors if beams else None)
@@ -335,9 +335,9 @@ def _beams(unknowns, x: np.ndarray, Q: np.ndarray) -> Beams | None:
 
 
 def _observability(S: np.ndarray, kept: int, pseudo: np.ndarray) -> Observability:
-    """Of boresight and offsets, the first ``kept`` unknowns; lever arm, clock, planes and
-    trajectory being free, but for constants; pseudo-observations of the offsets apart."""
-    S = S[:-6, :-6]
+    """Of boresight and offsets, the first ``kept`` of x, whose information ``S`` (u, u) is, planes
+    and trajectory being free, but for constants; so are lever arm and clock, and
+    pseudo-observations of the offsets apart."""
     rest = S[kept:, kept:]
     S_x = S[:kept, :kept] - S[:kept, kept:] @ np.linalg.solve(rest, S[kept:, :kept])
     S_x -= np.diag(pseudo[:kept])
@@ -345,11 +345,10 @@ def _observability(S: np.ndarray, kept: int, pseudo: np.ndarray) -> Observabilit
 
 
 def _planes_in_map(model: TrajectoryModel, state: State, Q: np.ndarray):
-    """Planes (G, 4) with d from the m-frame's origin, and their covariances (G, 4, 4)."""
-    u, n_planes = len(state.x), len(state.planes)
-    own = u + 3 * np.arange(n_planes)[:, None] + np.arange(3)
-    to_map = np.tile(np.eye(4), (n_planes, 1, 1))
+    """Planes (G, 4) with d from the m-frame's origin, and their covariances (G, 4, 4), given those
+    of their unknowns (G, 3, 3)."""
+    to_map = np.tile(np.eye(4), (len(state.planes), 1, 1))
     to_map[:, 3, :3] = model.origin
     J = to_map @ model.bases(state.planes)
     planes = np.einsum("gab,gb->ga", to_map, state.planes)
-    return planes, J @ Q[own[:, :, None], own[:, None, :]] @ J.transpose(0, 2, 1)
+    return planes, J @ Q @ J.transpose(0, 2, 1)

@@ -2,7 +2,8 @@
 
 A pose's error is a constant of the mission plus Gauss-Markov processes; a view of a face lies off
 its plane by an offset and two tilts. The sparse structure is used: windows of time are eliminated
-each by itself (`trajectory_windows`); what remains is dense in boresight, offsets and planes.
+each by itself (`trajectory_windows`); what remains, planes and the windows' ends, is dissected by
+place (`block_cholesky`), so that time and memory grow as the flight does.
 """
 
 from dataclasses import dataclass, replace
@@ -36,7 +37,9 @@ from paperrepro.method.adjustment.trajectory_windows import (
     Window,
     WindowNormals,
     WindowStep,
+    dissection,
     eliminate_window,
+    places_left,
     window_normals,
     windows,
 )
@@ -90,13 +93,15 @@ class Noise:
 @dataclass(frozen=True)
 class TrajectoryModel:
     """The conditions of scenario D on given faces: ``origin`` (G, 3) and ``axes`` (G, 3, 2) of the
-    planes, ``to_plane`` (F, 3, 3) from a view's offset and tilts to the unknowns of its plane."""
+    planes, ``to_plane`` (F, 3, 3) from a view's offset and tilts to the unknowns of its plane;
+    ``order`` of the ``windows`` in which what they leave is dissected."""
 
     tie_planes: TiePlanes
     unknowns: TrajectoryUnknowns
     nodes: Nodes
     cells: Cells
     windows: tuple[Window, ...]
+    order: np.ndarray
     origin: np.ndarray
     axes: np.ndarray
     to_plane: np.ndarray
@@ -131,8 +136,9 @@ class TrajectoryModel:
         _, _, rows = np.linalg.svd(states.plane[:, None, :3])  # rows 1, 2 span what is square to n
         axes = rows[:, 1:].transpose(0, 2, 1)
         to_plane = _to_plane(tie_planes, unknowns, start, states.centroid, axes)
+        cut = windows(cells, nodes, tie_planes.plane, to_plane)
         return cls(
-            tie_planes, unknowns, nodes, cells, windows(cells, nodes, tie_planes.plane, to_plane),
+            tie_planes, unknowns, nodes, cells, cut, dissection(cut, states.centroid),
             states.centroid, axes, to_plane, variances,
             unknowns.pseudo_weight(survey.scanner.range_offset_sigma),
         )  # fmt: skip
@@ -274,24 +280,27 @@ class Step:
         """(Y,) of x, planes and constants."""
         return self.dz[: self.size]
 
-    @cached_property
-    def Q(self) -> np.ndarray:
-        """Inverse (T, T) of what the windows leave."""
-        return self.columns(len(self.dz))
-
     def columns(self, count: int) -> np.ndarray:
-        """The first columns (T, count) of ``Q``."""
+        """The first columns (T, count) of the inverse of what the windows leave."""
         return self.factor.solve(np.eye(len(self.dz), count))
 
     @cached_property
     def _blocks(self) -> list[np.ndarray]:
-        """Of ``Q``, the part (r, r) of each window."""
+        """Of the inverse of what the windows leave, the part (r, r) of each."""
         return self.factor.inverse_blocks()
 
     def own(self, u: int) -> np.ndarray:
         """Covariance (u + 6, u + 6) of x (u,) and constants, which every window sees."""
         at = 2 * self.shape[1] * self.shape[2] + np.arange(u + N_COMPONENTS)
         return self._blocks[0][np.ix_(at, at)]
+
+    def of_planes(self) -> np.ndarray:
+        """Covariances (G, 3, 3) of each plane's unknowns, from a window that sees it."""
+        out = np.empty((1 + max(w.planes[-1] for w in self.windows), 3, 3))
+        for w, Q in zip(self.windows, self._blocks, strict=True):
+            at = len(Q) - 3 * len(w.planes) + np.arange(3 * len(w.planes)).reshape(-1, 3)
+            out[w.planes] = Q[at[:, :, None], at[:, None]]
+        return out
 
     @cached_property
     def _moved(self) -> tuple[np.ndarray, np.ndarray]:
@@ -313,17 +322,6 @@ class Step:
     def d_surface(self) -> np.ndarray:
         """(F, 3) of the surface errors."""
         return self._moved[1]
-
-    @property
-    def Q_y(self) -> np.ndarray:
-        """Covariance (Y, Y) of x, planes and constants."""
-        return self.Q[: self.size, : self.size]
-
-    @cached_property
-    def S(self) -> np.ndarray:
-        """Schur complement (Y, Y) of x, planes and constants."""
-        S = np.linalg.inv(self.Q_y)
-        return (S + S.T) / 2
 
     def squares(
         self, errors: np.ndarray, surfaces: np.ndarray, fixed: np.ndarray
@@ -366,22 +364,16 @@ def eliminate(data: DataNormals, model: TrajectoryModel, noise: Noise, state: St
     Y = u + 3 * n_planes + N_COMPONENTS
     total = Y + b * (len(model.windows) + 1)
     parts, t = [], np.zeros(total)
-    steps, places, log_det, decrement = [], [], data.log_det, 0.0
+    steps, log_det, decrement = [], data.log_det, 0.0
     priors = _node_priors(model, noise, state)
-    for number, (w, part, prior) in enumerate(
-        zip(model.windows, data.windows, priors, strict=True)
-    ):
+    places = places_left(model.windows, u, n_planes, b)
+    for w, part, prior, where in zip(model.windows, data.windows, priors, places, strict=True):
         step = eliminate_window(w, part, prior)
-        where = np.concatenate([
-            Y + b * number + np.arange(2 * b), np.arange(u), Y - N_COMPONENTS + np.arange(6),
-            u + (3 * w.planes[:, None] + np.arange(3)).ravel(),
-        ])  # fmt: skip
         parts.append(step.S.copy())
         t[where] += step.t
         log_det += step.log_det
         decrement += step.decrement
         steps.append(step)
-        places.append(where)
     last = np.arange(b, 2 * b)
     parts[-1][last, last] += 1.0  # after the last window none is
     _add_control(model, state, parts, places, t)
@@ -390,7 +382,7 @@ def eliminate(data: DataNormals, model: TrajectoryModel, noise: Noise, state: St
     at = 2 * b + np.arange(len(own))
     parts[0][at, at] += weight
     t[own] += weight * np.concatenate([state.x, state.constant])
-    factor = BlockCholesky.of(parts, places, total)
+    factor = BlockCholesky.of(parts, places, total, model.order)
     log_det += factor.log_det
     dz = -factor.solve(t[:, None])[:, 0]
     return Step(
@@ -418,11 +410,11 @@ def _add_control(
     model: TrajectoryModel, state: "State", parts: list, places: list, t: np.ndarray
 ) -> None:
     """Add to the first window that sees its plane that each control point lies on it."""
+    first = {g: k for k, w in reversed([*enumerate(model.windows)]) for g in w.planes}
     for g, miss, a, weight in zip(*_control(model, state.planes), strict=True):
-        own = len(state.x) + 3 * g + np.arange(3)
-        first = next(k for k, w in enumerate(model.windows) if g in w.planes)
-        at = np.flatnonzero(places[first] == own[0]) + np.arange(3)
-        parts[first][np.ix_(at, at)] += weight * np.outer(a, a)
+        own, seen = len(state.x) + 3 * g + np.arange(3), first[g]
+        at = np.flatnonzero(places[seen] == own[0]) + np.arange(3)
+        parts[seen][np.ix_(at, at)] += weight * np.outer(a, a)
         t[own] += weight * miss * a
 
 

@@ -13,6 +13,7 @@ import numba
 import numpy as np
 from scipy.linalg import block_diag
 
+from paperrepro.method.adjustment.block_cholesky import dissected
 from paperrepro.method.adjustment.trajectory_equations import (
     N_COMPONENTS,
     OF_D,
@@ -58,9 +59,9 @@ def windows(
         if k - starts[-1] >= least and count - k >= 2:
             starts.append(int(k))
     of_cell = np.searchsorted(starts, cells.node, side="right") - 1
-    out = []
-    for w, begin in enumerate(starts):
-        chosen = np.flatnonzero(of_cell == w)
+    in_order, out = np.argsort(of_cell, kind="stable"), []
+    by_window = np.split(in_order, np.searchsorted(of_cell[in_order], np.arange(1, len(starts))))
+    for w, (begin, chosen) in enumerate(zip(starts, by_window, strict=True)):
         faces = np.unique(cells.face[chosen])
         planes, local = np.unique(plane[faces], return_inverse=True)
         end = starts[w + 1] if w + 1 < len(starts) else count
@@ -68,6 +69,26 @@ def windows(
         by_surface = block_diag(*to_plane[faces])
         out.append(Window((begin, end), chosen, faces, planes, by_plane, by_surface))
     return tuple(out)
+
+
+def places_left(windows: tuple[Window, ...], u: int, n_planes: int, b: int) -> list[np.ndarray]:
+    """Where, among y and then separators of ``b`` unknowns, is (r,) what each window leaves, in the
+    order of `WindowStep`."""
+    Y = u + 3 * n_planes + N_COMPONENTS
+    own, ends = np.r_[:u, Y - N_COMPONENTS : Y], Y + np.arange(2 * b)
+    return [
+        np.concatenate([ends + b * k, own, (u + 3 * w.planes[:, None] + np.arange(3)).ravel()])
+        for k, w in enumerate(windows)
+    ]
+
+
+def dissection(windows: tuple[Window, ...], origin: np.ndarray) -> np.ndarray:
+    """Order (W,) of ``windows`` whose planes have origins (G, 3): see `block_cholesky.dissected`."""
+    middle = np.array([origin[w.planes, :2].mean(axis=0) for w in windows])
+    time = np.arange(len(windows))
+    return dissected(
+        places_left(windows, 0, len(origin), N_COMPONENTS), np.column_stack([time, middle])
+    )
 
 
 @dataclass(frozen=True)

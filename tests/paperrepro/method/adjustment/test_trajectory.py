@@ -29,7 +29,7 @@ from paperrepro.method.adjustment.trajectory_solver import (
     iterate,
     prior_chi2,
 )
-from paperrepro.method.adjustment.trajectory_windows import windows
+from paperrepro.method.adjustment.trajectory_windows import dissection, windows
 from paperrepro.method.georeference import georeference
 from paperrepro.survey import Mounting, Rays
 from tests.paperrepro.labelled import (
@@ -148,9 +148,8 @@ def small():
         model, unknowns=unknowns, cells=Cells.of(tie_planes, model.nodes, lambda _: rate),
         pseudo_weight=unknowns.pseudo_weight(SCANNER.range_offset_sigma),
     )  # fmt: skip
-    model = replace(
-        model, windows=windows(model.cells, model.nodes, tie_planes.plane, model.to_plane, least=3)
-    )
+    cut = windows(model.cells, model.nodes, tie_planes.plane, model.to_plane, least=3)
+    model = replace(model, windows=cut, order=dissection(cut, model.origin))
     state = iterate(model, NOISE, model.start(unknowns.start(), 2)).state
     return model, replace(state, x=state.x + 1e-5, constant=state.constant + 1e-4)
 
@@ -177,7 +176,9 @@ def test_elimination_equals_the_dense_system(small):
     # differences of 1e-6 leave seven digits
     np.testing.assert_allclose(ours / known, solution[: ends[4]] / known, atol=1e-4)
     outer = np.outer(sigma[:size], sigma[:size])
-    np.testing.assert_allclose(step.Q_y / outer, Q[:size, :size] / outer, atol=1e-4)
+    np.testing.assert_allclose(
+        step.columns(size)[:size] / outer, Q[:size, :size] / outer, atol=1e-4
+    )
     variance, beside, surface = step.covariance()
     K, P = variance.shape[:2]
     of_nodes = np.diag(Q)[size : ends[3]].reshape(K, P, 6)
@@ -222,7 +223,9 @@ def test_control_points_equal_the_dense_system(small):
     sigma, size = np.sqrt(np.diag(Q)), ends[2]
     np.testing.assert_allclose(step.dy / sigma[:size], -(Q @ t)[:size] / sigma[:size], atol=1e-4)
     outer = np.outer(sigma[:size], sigma[:size])
-    np.testing.assert_allclose(step.Q_y / outer, Q[:size, :size] / outer, atol=1e-4)
+    np.testing.assert_allclose(
+        step.columns(size)[:size] / outer, Q[:size, :size] / outer, atol=1e-4
+    )
     without = eliminate(free.normals(state, NOISE), free, NOISE, state)
     assert np.abs(without.dy - step.dy).max() > 1e-3  # it does say something
     more = prior_chi2(model, NOISE, state) - prior_chi2(free, NOISE, state)
@@ -277,7 +280,7 @@ def test_flat_roofs_have_no_surface_error_and_the_model_costs_nothing():
         flat = Noise((specified_process(NAVIGATION),), np.zeros(6), 0.0)
         bumpy = replace(flat, surface=surface[-1], roughness=rough[-1])
         sigma = [
-            np.sqrt(np.diag(eliminate(model.normals(state, noise), model, noise, state).Q)[:3])
+            np.sqrt(np.diag(eliminate(model.normals(state, noise), model, noise, state).own(3)))[:3]
             for noise in (flat, bumpy)
         ]
         ratio.append(sigma[1] / sigma[0])
