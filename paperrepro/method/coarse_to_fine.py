@@ -39,7 +39,7 @@ MOST_POINTS, MOST_PLANES = 400_000, 200
 #: Points of a strip that are judged together: 60 bytes each.
 PIECE = 6_000_000
 #: Points of all tie planes at most: 400 bytes each in the adjustment.
-MOST_OF_PLANES = 3_000_000
+MOST_OF_PLANES = 2_500_000
 
 
 def silent(words: str) -> None:
