@@ -1,5 +1,8 @@
 """Flights of any size: what is held of them, and what is said of how far the work is."""
 
+import platform
+import subprocess
+import sys
 import tracemalloc
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +29,7 @@ class Recorded:
     path: Path = Path("F1.laz")
     count: int = CHUNK * CHUNKS
     poses: None = None
+    beam_of_ring: tuple = (0,)
 
     def chunks(self, done=None):
         for first in self.times:
@@ -118,3 +122,28 @@ def test_nothing_is_said_where_nothing_is_wanted(clock, capsys):
         clock[0] = 60.0
         steps.within("halfway")
     assert capsys.readouterr() == ("", "")
+
+
+KEPT_BY_THE_C_LIBRARY = """
+import numpy as np
+from paperrepro._progress import Steps
+
+def held():
+    return 4096 * int(open("/proc/self/statm").read().split()[1])
+
+for _ in range(2):  # from now on arrays of this size come from the heap
+    np.ones(2 << 20)
+parts = [np.ones(1 << 20) for _ in range(40)]
+del parts[:-1]
+before = held()
+with Steps(1, lines=True, quiet=True) as steps:
+    steps("reading")
+print(before - held())
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="of glibc")
+def test_a_step_begins_with_what_the_last_one_freed_given_back():
+    command = [sys.executable, "-c", KEPT_BY_THE_C_LIBRARY]
+    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert int(told) > 30 * 8 * 2**20
