@@ -162,6 +162,8 @@ def _strips(command: _Parser) -> None:
     command.option("--mounting", "nominal mounting.toml", type=Path, required=True, metavar="FILE")
     command.option("--crs", "of the strips, as EPSG:31982; else their header's")
     command.option("--ring-dimension", "where a point's ring stands", "user_data", metavar="NAME")
+    words = "rings, or without: one line, any rays; else as the mounting or the points say"
+    command.option("--scanner", words, choices=("rings", "line", "any"))
     command.option("--out", "written whole", type=Path, required=True, metavar="DIR")
     command.flag("--mounting-only", "strips are written with the trajectory as reported")
     words = "CSV of surveyed points (name, x, y, z, sigma) that judge heights"
@@ -308,7 +310,7 @@ def _calibrate(options: argparse.Namespace) -> int:
         flight = pr.read_flight(
             options.strips, options.trajectory, options.mounting, accuracy=options.accuracy,
             crs=options.crs, ring_dimension=options.ring_dimension, columns=options.columns,
-            progress=steps.within,
+            scanner=options.scanner, progress=steps.within,
         )  # fmt: skip
         if options.write_strips:
             pr.flight.write.require_writable(flight, options.out)
@@ -360,8 +362,8 @@ def _apply(options: argparse.Namespace) -> int:
         applied = pr.apply_calibration(
             options.strips, options.trajectory, options.mounting, options.calibration, options.out,
             crs=options.crs, ring_dimension=options.ring_dimension, columns=options.columns,
-            mounting_only=options.mounting_only, checkpoints=options.checkpoints,
-            progress=steps.within,
+            scanner=options.scanner, mounting_only=options.mounting_only,
+            checkpoints=options.checkpoints, progress=steps.within,
         )  # fmt: skip
     written = f"{options.out}: {len(applied.strips)} strips, {applied.points} points"
     say("\n".join([*(f"note: {note}" for note in applied.notes), written, *applied.heights]))

@@ -21,6 +21,10 @@ class OutsideTrajectory(BadInput):
     """A strip's points were measured when the trajectory gives no pose."""
 
 
+class RaysDoNotFit(BadInput):
+    """Under no known mistake does each beam keep one elevation."""
+
+
 class NotARotation(BadInput):
     """A matrix that must be a right-handed rotation is not."""
 

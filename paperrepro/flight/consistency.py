@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from paperrepro.errors import BadInput, OutsideTrajectory
-from paperrepro.flight import mounting, ray_test
+from paperrepro.errors import BadInput, OutsideTrajectory, RaysDoNotFit
+from paperrepro.flight import ray_test, scanners
 from paperrepro.flight.hypotheses import (
     CLOCKS,
     GRID_NORTH,
@@ -43,6 +43,8 @@ SCATTER_SEEN = float(np.radians(0.002))
 CONVERGENCE_SEEN = float(np.radians(0.01))
 #: Coordinates coarser than this, m, and times coarser than this, s, widen the noise.
 COARSE_STEP, COARSE_TIME = 0.015, 0.9e-3
+#: Times coarser than this, s, are refused where no ray tells what they do to the poses.
+COARSE_UNSEEN = 5e-3
 
 
 @dataclass(frozen=True)
@@ -124,19 +126,20 @@ def _consistent(
     evidence: Evidence, given: MountingFile, names: Names
 ) -> tuple[Evidence, list[str]]:
     """As `consistent_evidence`, of all files together."""
-    plain = evidence.fit
+    plain, beams = evidence.fit, evidence.samples[0].beams
+    coarse = _coarse_times(evidence)
+    if coarse and not beams and max(s.time_step for s in evidence.samples) > COARSE_UNSEEN:
+        _refuse_coarse(*coarse)
     if plain is not None and plain.good:
         return _with_best_heading(evidence)
-    if plain is not None and not evidence.samples[0].beams:
+    if plain is not None and not beams:
         _refuse_by_name(evidence, given, names)
         return evidence, []
     corrected = _mended(evidence)
     if corrected is not None:
         return corrected
-    coarse = _coarse_times(evidence)
     if coarse and not (plain and plain.scatter <= TOLERATED):
-        name, words = coarse
-        raise BadInput(f"{name}: {words}, too coarse to find a pose; export full GPS times")
+        _refuse_coarse(*coarse)
     if plain is None:
         _refuse_uncovered(evidence, names)
     _refuse_by_name(evidence, given, names)
@@ -153,7 +156,7 @@ def _consistent(
             why = f"{coarse[1]}, which widens the noise: export full GPS times"
         return evidence, [f"{names.trajectory}: within a beam the elevations scatter by {degrees}; "
                           f"{why}"]  # fmt: skip
-    raise BadInput(
+    raise RaysDoNotFit(
         f"{names.trajectory}: the rays to the points of {names.strip} and others do not fit: "
         f"within a beam the elevations scatter by {degrees}; {_causes(evidence)}give the "
         "trajectory and the mounting with which the coordinates were computed"
@@ -303,6 +306,10 @@ def _refuse_turned(evidence: Evidence, names: Names) -> None:
         )
 
 
+def _refuse_coarse(name: str, words: str) -> None:
+    raise BadInput(f"{name}: {words}, too coarse to find a pose; export full GPS times")
+
+
 def _coarse_times(evidence: Evidence) -> tuple[str, str] | None:
     """The file with the coarsest times, and words on them; None where they are fine."""
     worst = max(evidence.samples, key=lambda s: s.time_step)
@@ -346,7 +353,7 @@ def consistent_attitude(fits: Mapping[str, Fit], names: Names) -> tuple[str, lis
         word = ""
     found = fits[word]
     if found.scatter > max(found.limit, TOLERATED):
-        raise BadInput(
+        raise RaysDoNotFit(
             f"{names.strip}: the rays do not fit: within a beam the elevations scatter by "
             f"{np.degrees(found.scatter):.2f} deg, expected {np.degrees(found.limit):.2f}; give "
             f"the rotation and the lever arm with which the points were computed ({names.mounting})"
@@ -370,9 +377,9 @@ def scanner_of(
         }
         words = f"rays of such a scanner do not tell {unseen[given.kind]}"
         return given.scanner, None, [f"{names.mounting} [scanner] kind {given.kind}: {words}"]
-    others = {} if given.beams_given else mounting.BEAMS_DEG
+    others = {} if given.beams_given else scanners.BEAMS_DEG
     known = [replace(given.scanner, name=name, beam_elevations=np.radians(beams))
-             for name, beams in others.items()]  # fmt: skip
+             for name, beams in sorted(others.items(), key=lambda one: len(one[1]))]  # fmt: skip
     for scanner in (given.scanner, *known):
         number = ray_test.beam_numbers(found, scanner.beam_elevations)
         if number is not None:

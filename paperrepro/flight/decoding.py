@@ -103,11 +103,8 @@ def local_points(grid: Grid, xyz: np.ndarray, frame: LocalFrame) -> np.ndarray:
     return frame.from_geodetic(*grid.to_geodetic(xyz))
 
 
-def sampled(
-    file, timed: bool = True, done: Callable[[int], None] | None = None, kind: str = "rings"
-) -> Records:
-    """A sample of a file's records; its clock must run, and its rings differ where the ``kind`` of
-    scanner has any. ``done`` is told how many were read.
+def sampled(file, timed: bool = True, done: Callable[[int], None] | None = None) -> Records:
+    """A sample of a file's records; its clock must run. ``done`` is told how many were read.
 
     Raises `BadInput`, `EmptyStrip`."""
     parts = [file.decoded(chunk) for chunk in file.sample(done) if len(chunk)]
@@ -126,15 +123,18 @@ def sampled(
             f"{file.path}: expected a GPS time per point, gps_time is {time[0]:g} for all; export "
             "the strip with its times"
         )
-    if kind != "rings":
-        ring = np.zeros_like(ring)
-    elif np.ptp(ring) == 0:
-        raise BadInput(
-            f"{file.path}: expected the ring of each point, it is {ring[0]} for all; name the "
-            "dimension that holds it with --ring-dimension, or give a scanner that has no rings as "
-            'kind = "line" or "any" in [scanner] of the mounting'
-        )
     return Records(time, ring, xyz, columns)
+
+
+def require_rings(files: list, records: list[Records]) -> None:
+    """Raise `BadInput` for a file whose points have one ring only."""
+    for file, found in zip(files, records, strict=True):
+        if np.ptp(found.ring) == 0:
+            raise BadInput(
+                f"{file.path}: expected the ring of each point, it is {found.ring[0]} for all; "
+                "name the dimension that holds it with --ring-dimension, or say that the scanner "
+                "has no rings: --scanner line or any, or kind in [scanner] of the mounting"
+            )
 
 
 def strip_sample(

@@ -10,7 +10,7 @@ range_sigma_m = 0.02
 angle_sigma_deg = 0.01
 range_offset_sigma_m = 0.03
 beam_elevations_deg = [-10.0, ...]
-kind = "rings"                                 # without rings: "line" (a plane is swept) or "any"
+kind = "rings"                                 # "line" (a plane is swept) or "any": without rings
 
 [navigation]                                   # optional; APX-15 UAV without
 name = "APX-15 UAV"
@@ -18,9 +18,7 @@ position_sigma_m = [0.02, 0.02, 0.04]          # east, north, up; or one number
 attitude_sigma_deg = [0.025, 0.025, 0.08]      # roll, pitch, heading
 correlation_time_s = 30.0
 
-Common scanners are known by name. Their elevations, in degrees and ascending, are from the makers'
-manuals: Velodyne VLP-16 63-9243 (VLP-16 and Puck Hi-Res), HDL-32E 63-9113; Hesai
-and Ouster units differ from one to the next, so their tables belong into `mounting.toml`.
+Common scanners are known by name (`scanners`).
 """
 
 import tomllib
@@ -30,6 +28,7 @@ from pathlib import Path
 import numpy as np
 
 from paperrepro.errors import BadInput
+from paperrepro.flight import scanners
 from paperrepro.frames import require_rotation
 from paperrepro.survey import Mounting, Navigation, Scanner
 
@@ -47,7 +46,8 @@ KNOWN = {
 class MountingFile:
     """What `mounting.toml` says. ``beams_given``: it names the beams, by table or by a scanner's
     name, so that data which do not fit are wrong; else the data may tell another known scanner.
-    ``kind`` of scanner, of `KINDS`. ``notes``: what was assumed."""
+    ``kind`` of scanner, of `scanners.KINDS`, and whether the file or a name says so:
+    ``kind_given``. ``notes``: what was assumed."""
 
     mounting: Mounting
     scanner: Scanner
@@ -55,10 +55,19 @@ class MountingFile:
     beams_given: bool
     notes: tuple[str, ...]
     kind: str = "rings"
+    kind_given: bool = True
+
+    def of_kind(self, kind: str) -> "MountingFile":
+        """With a scanner without rings."""
+        name = self.scanner.name
+        name = f"scanner of kind {kind}" if name == scanners.DEFAULT else name
+        scanner = replace(self.scanner, name=name, beam_elevations=np.empty(0))
+        return replace(self, scanner=scanner, kind=kind)
 
 
-def read_mounting(path: Path) -> MountingFile:
-    """Read and check the file. Raises `BadInput` that names file, entry and remedy."""
+def read_mounting(path: Path, kind: str | None = None) -> MountingFile:
+    """Read and check the file; a ``kind`` overrides what it says of the scanner. Raises `BadInput`
+    that names file, entry and remedy."""
     path, notes = Path(path), []
     tables = _load(path)
     nominal = tables.get("nominal")
@@ -72,11 +81,15 @@ def read_mounting(path: Path) -> MountingFile:
         _numbers(nominal, "lever_arm_m", 3, f"{path} [nominal]"),
     )
     table, where = tables.get("scanner", {}), f"{path} [scanner]"
+    if kind is not None:
+        kept = table.keys() - ({"kind"} if kind == "rings" else {"kind", "beam_elevations_deg"})
+        table = {"kind": kind} | {key: table[key] for key in kept}
     kind = _kind(table, where)
-    scanner, beams_given = _scanner(table, kind, where, notes)
+    scanner, beams_given = _scanner(table, kind or "rings", where, notes)
     navigation = _navigation(tables.get("navigation", {}), f"{path} [navigation]", notes)
     notes += _unknown(tables, path)
-    return MountingFile(mounting, scanner, navigation, beams_given, tuple(notes), kind)
+    return MountingFile(mounting, scanner, navigation, beams_given, tuple(notes), kind or "rings",
+                        kind is not None)  # fmt: skip
 
 
 def _load(path: Path) -> dict:
@@ -152,13 +165,17 @@ def _positive(table: dict, key: str, default: float, where: str) -> float:
     return float(value)
 
 
-def _kind(table: dict, where: str) -> str:
-    kind = table.get("kind", "rings")
-    if kind not in KINDS:
+def _kind(table: dict, where: str) -> str | None:
+    """As the table says or its name or beams tell; None where nothing does."""
+    kind, beams = table.get("kind"), "beam_elevations_deg" in table
+    if kind is None:
+        return "rings" if beams else scanners.kind_named(str(table.get("name", "")))
+    if kind not in scanners.KINDS:
         raise BadInput(
-            f"{where}: expected kind as one of {', '.join(KINDS)}, got {short(kind)}; name one"
+            f"{where}: expected kind as one of {', '.join(scanners.KINDS)}, got {short(kind)}; "
+            "name one"
         )
-    if kind != "rings" and "beam_elevations_deg" in table:
+    if kind != "rings" and beams:
         raise BadInput(
             f"{where}: a scanner of kind {kind!r} has no rings; leave beam_elevations_deg out, or "
             "the kind"
@@ -168,8 +185,9 @@ def _kind(table: dict, where: str) -> str:
 
 def _scanner(table: dict, kind: str, where: str, notes: list[str]) -> tuple[Scanner, bool]:
     without = f"scanner of kind {kind}"
-    name = str(table.get("name", DEFAULT if kind == "rings" else without))
-    beams, given = beams_named(name), "name" in table
+    name = str(table.get("name", scanners.DEFAULT if kind == "rings" else without))
+    beams = scanners.beams_named(name)
+    given = "name" in table and not scanners.has_own_table(name)
     if kind != "rings":
         beams, given = np.empty(0), True
     if "beam_elevations_deg" in table:
@@ -182,16 +200,18 @@ def _scanner(table: dict, kind: str, where: str, notes: list[str]) -> tuple[Scan
                 f"{beams.min():g} to {beams.max():g}; give the maker's table in degrees"
             )
     if beams is None:
-        beams, given = BEAMS_DEG[DEFAULT], False
+        beams, given = scanners.BEAMS_DEG[scanners.DEFAULT], False
         notes.append(
-            f"{where}: the beams of {name!r} are not known here; those of {DEFAULT} are "
-            "tried unless the points fit another known scanner; give beam_elevations_deg"
+            f"{where}: the beams of {name!r} are not known here; they are taken from the points, "
+            "unless these fit a known scanner; give beam_elevations_deg"
         )
+    known = scanners.scanner_of(name, beams)
+    angle, offset = np.degrees(known.angle_sigma), known.range_offset_sigma
     scanner = replace(
-        scanner_of(name, beams),
-        range_sigma=_positive(table, "range_sigma_m", RANGE_SIGMA, where),
-        angle_sigma=np.radians(_positive(table, "angle_sigma_deg", np.degrees(ANGLE_SIGMA), where)),
-        range_offset_sigma=_positive(table, "range_offset_sigma_m", RANGE_OFFSET_SIGMA, where),
+        known,
+        range_sigma=_positive(table, "range_sigma_m", known.range_sigma, where),
+        angle_sigma=np.radians(_positive(table, "angle_sigma_deg", angle, where)),
+        range_offset_sigma=_positive(table, "range_offset_sigma_m", offset, where),
     )
     return scanner, given
 
@@ -226,42 +246,6 @@ def _unknown(tables: dict, path: Path) -> list[str]:
         for key in tables.get(name, {})
         if key not in known
     ]
-
-
-DEFAULT = "VLP-16 Hi-Res"
-#: Beams that keep an elevation each; one that sweeps a plane or cone; one that goes anywhere.
-KINDS = ("rings", "line", "any")
-BEAMS_DEG = {
-    "VLP-16 Hi-Res": np.linspace(-10.0, 10.0, 16),
-    "VLP-16": np.linspace(-15.0, 15.0, 16),
-    "HDL-32E": -92.0 / 3.0 + 4.0 / 3.0 * np.arange(32),
-}
-#: Other ways to write the names, reduced by `_plain`.
-ALIASES = {"vlp16puckhires": "vlp16hires", "puckhires": "vlp16hires", "pucklite": "vlp16",
-           "puck": "vlp16", "vlp16puck": "vlp16", "vlp16pucklite": "vlp16", "hdl32": "hdl32e",
-           "velodynehdl32e": "hdl32e", "velodynevlp16": "vlp16",
-           "velodynevlp16hires": "vlp16hires"}  # fmt: skip
-
-#: Range and angle noise, and how well a beam's zero is known, one sigma: m, rad, m.
-RANGE_SIGMA, ANGLE_SIGMA, RANGE_OFFSET_SIGMA = 0.02, float(np.radians(0.01)), 0.03
-
-
-def _plain(name: str) -> str:
-    plain = "".join(c for c in name.lower() if c.isalnum())
-    return ALIASES.get(plain, plain)
-
-
-def beams_named(name: str) -> np.ndarray | None:
-    """Elevations (rings,) deg of a scanner by its name, or None where it is not known."""
-    return next(
-        (beams for known, beams in BEAMS_DEG.items() if _plain(known) == _plain(name)), None
-    )
-
-
-def scanner_of(name: str, beams_deg: np.ndarray) -> Scanner:
-    """A `Scanner` with the default noise."""
-    elevations = np.sort(np.radians(beams_deg))
-    return Scanner(name, elevations, RANGE_SIGMA, ANGLE_SIGMA, RANGE_OFFSET_SIGMA)
 
 
 def apx15() -> Navigation:

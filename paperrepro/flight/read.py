@@ -10,14 +10,14 @@ from a sample of the points.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 
 from paperrepro._progress import Remaining
-from paperrepro.errors import BadInput
+from paperrepro.errors import BadInput, RaysDoNotFit
 from paperrepro.flight import consistency, decoding, flight_lines
 from paperrepro.flight.consistency import Names
 from paperrepro.flight.decoding import Decoder
@@ -93,6 +93,7 @@ def read_flight(
     crs: str | None = None,
     ring_dimension: str = "user_data",
     columns: str | None = None,
+    scanner: str | None = None,
     frame: LocalFrame | None = None,
     progress: Progress = silent,
 ) -> Flight:
@@ -101,7 +102,7 @@ def read_flight(
     Parameters
     ----------
     strips : sequence of path
-        LAS, LAZ (with GPS time and ring) or CSV.
+        LAS, LAZ (with GPS time) or CSV.
     trajectory : path or None
         An SBET, or text with a pose a line. Without one each point must carry its pose.
     mounting : path
@@ -111,10 +112,12 @@ def read_flight(
     crs : str, optional
         Reference system of the strips, such as ``EPSG:32722``, in place of their headers'.
     ring_dimension : str
-        Where the ring of a point stands.
+        Where the ring of a point stands, if the scanner has any.
     columns : str, optional
         Names of the trajectory's columns, with commas between, where it is text without a head
         line.
+    scanner : str, optional
+        Its kind, ``rings``, ``line`` or ``any``, in place of what the mounting file says.
     frame : LocalFrame, optional
         Where to estimate; by default at the middle of the strips, at their lowest point.
     progress : callable, optional
@@ -132,20 +135,17 @@ def read_flight(
         file, place and remedy.
     """
     require_apart(strips)
-    given = read_mounting(mounting)
+    given = read_mounting(mounting, scanner)
     files = [_opened(Path(path), crs, ring_dimension) for path in strips]
     _require_one_datum(files)
     done = Remaining("reading", 2 * sum(file.count for file in files), progress)  # twice: a sample
     timed = trajectory is not None
-    records = [decoding.sampled(file, timed, done, given.kind) for file in files]
+    records = [decoding.sampled(file, timed, done) for file in files]
     frame = frame or _frame_of(files, records)
     navigation = given.navigation
     named = Names(str(files[0].path), str(trajectory or files[0].path), str(mounting))
     flown = None if trajectory is None else TrajectoryFile(Path(trajectory), files[0].grid, columns)
-    if flown is None:
-        decoder, scanner, notes = _decoder_of_poses(files, records, frame, given, named)
-    else:
-        decoder, scanner, notes = _decoder_of_flown(files, records, frame, given, named, flown)
+    decoder, scanner, notes = _decoder(files, records, frame, given, named, flown)
     read, more = _read_all(files, decoder, done)
     path = decoder.poses
     path = path if isinstance(path, Trajectory) else flight_lines.joined_trajectory(read)
@@ -226,6 +226,30 @@ def _frame_of(files: list, records: list[Records]) -> LocalFrame:
     places = np.concatenate(places, axis=1)
     places = places[:, np.isfinite(places).all(axis=0)]
     return LocalFrame.around(*places, files[0].grid.shape)
+
+
+def _decoder(
+    files: list, records: list[Records], frame: LocalFrame, given: MountingFile, named: Names,
+    flown: TrajectoryFile | None,
+) -> tuple[Decoder, Scanner, list[str]]:  # fmt: skip
+    """Of the kind of scanner given, or of that which files without rings tell."""
+    more = () if flown is None else (flown,)
+    decoder_of = _decoder_of_poses if flown is None else _decoder_of_flown
+    told = any(np.ptp(r.ring) for r in records)
+    if given.kind == "rings" and (given.kind_given or told):
+        decoding.require_rings(files, records)
+        return decoder_of(files, records, frame, given, named, *more)
+    records = [replace(r, ring=np.zeros_like(r.ring)) for r in records]
+    if given.kind_given:
+        return decoder_of(files, records, frame, given, named, *more)
+    words = f"{named.strip}: holds no rings and {named.mounting} names no scanner"
+    try:
+        found = decoder_of(files, records, frame, given.of_kind("line"), named, *more)
+        note = f"{words}; the rays lie in one plane or cone, as of a line scanner"
+    except RaysDoNotFit:
+        found = decoder_of(files, records, frame, given.of_kind("any"), named, *more)
+        note = f"{words}; the rays go anywhere, and are taken as they are"
+    return *found[:2], [note, *found[2]]
 
 
 def _decoder_of_flown(

@@ -3,7 +3,8 @@
 Each row is a point with its pose, as in the paper's record. Columns are known by name, in any
 order and without prefixes such as ``Sensor``: x, y, z on the map; latitude, longitude, elevation
 (ellipsoidal height of the sensor); roll, pitch, heading; the ring from ``ring`` (or the ring
-dimension named) or from ``vertical_angle``; ``gps_time`` or ``time`` where there is one. Angles
+dimension named) or from ``vertical_angle``, one for all where there is none; ``gps_time`` or
+``time`` where there is one. Angles
 are in the unit that a name's suffix tells (``Rads``); where none does, the rays tell it, and
 always what the heading counts from (`READINGS`).
 """
@@ -33,7 +34,7 @@ class TableFile:
 
     path: Path
     grid: Grid
-    ring: str
+    ring: str | None
     time: str | None
     count: int
     columns: tuple[str, ...]
@@ -62,7 +63,7 @@ class TableFile:
 
     def decoded(self, chunk: pd.DataFrame) -> Records:
         """The columns that matter of ``chunk``."""
-        ring = chunk[self.ring].to_numpy(float)
+        ring = np.zeros(len(chunk)) if self.ring is None else chunk[self.ring].to_numpy(float)
         if self.ring in ANGLES:  # hundredths of a degree from straight down name a beam
             in_radians = self.ring.endswith("rad") or np.abs(ring).max() < 0.8
             ring = np.round(100 * (90 + (np.degrees(ring) if in_radians else ring)))
@@ -89,11 +90,6 @@ def open_table(path: Path, crs: str | None, ring_dimension: str = "user_data") -
     if not count:
         raise EmptyStrip(f"{path}: expected points, the table holds none; leave it out")
     ring = next((n for n in (ring_dimension, *RINGS, *ANGLES) if n in names), None)
-    if ring is None:
-        raise BadInput(
-            f"{path}: expected a column ring or vertical_angle, it has {', '.join(names)}; "
-            "add one, or name it with --ring-dimension"
-        )
     time = next((name for name in TIMES if name in names), None)
     return TableFile(path, Grid(crs, "--crs"), ring, time, count, names)
 

@@ -59,6 +59,7 @@ def apply_calibration(
     crs: str | None = None,
     ring_dimension: str = "user_data",
     columns: str | None = None,
+    scanner: str | None = None,
     mounting_only: bool = False,
     checkpoints: str | Path | None = None,
     progress: Progress = silent,
@@ -77,7 +78,7 @@ def apply_calibration(
         `calibration.json`: boresight (deg), and range offsets and lever arm (m) where it has them.
     out : path
         Folder to write into, under the files' own names.
-    crs, ring_dimension, columns
+    crs, ring_dimension, columns, scanner
         As for `read_flight`.
     mounting_only : bool
         Poses stay as reported, though the calibration has an adjusted trajectory.
@@ -97,12 +98,12 @@ def apply_calibration(
         What `read_flight` and `read_calibration` raise; a folder that holds the originals or cannot
         be written; a file that cannot be.
     """
-    given = read_mounting(mounting)
+    given = read_mounting(mounting, scanner)
     early = read_calibration(calibration, given.mounting)
     require_apart(strips, out)
     flight = read_flight(
         strips, trajectory, mounting, crs=crs, ring_dimension=ring_dimension, columns=columns,
-        progress=progress,
+        scanner=scanner, progress=progress,
     )  # fmt: skip
     survey, points = flight.survey, read_control(checkpoints, flight)
     calibrated = read_calibration(calibration, survey.mounting, survey.scanner)

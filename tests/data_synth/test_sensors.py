@@ -14,7 +14,7 @@ from data_synth.sensors import (
     azimuth_at,
     fire,
 )
-from paperrepro.flight.mounting import beams_named
+from paperrepro.flight.scanners import beams_named
 
 FIRING_ORDER = VLP16_HIRES.firing_order
 START, DURATION = 1002.0, 3.0

@@ -9,8 +9,8 @@ import pytest
 
 from paperrepro.errors import BadInput
 from paperrepro.flight import flight_lines
-from paperrepro.flight.mounting import BEAMS_DEG
 from paperrepro.flight.read import read_flight
+from paperrepro.flight.scanners import BEAMS_DEG
 from paperrepro.method.georeference import georeference
 from paperrepro.survey import Strip
 from tests.paperrepro.flight.test_round_trip import frame_of
@@ -86,7 +86,7 @@ def test_a_table_without_times_or_rings_of_its_own(thinned, folder):
     [
         (lambda table: table.drop(columns="x"), "x missing"),
         (lambda table: table.drop(columns="heading"), "give --trajectory"),
-        (lambda table: table.drop(columns="vertical angle"), "vertical_angle"),
+        (lambda table: table.drop(columns="vertical angle"), "expected the ring of each point"),
         (lambda table: table.assign(roll=table.roll.where(table.index != 40)), "row 41"),
         (lambda table: table.assign(heading=table.heading + 7), "do not fit"),
         (lambda table: table[:0], "holds none"),
