@@ -164,8 +164,8 @@ def test_the_boresight_of_a_scanner_without_rings(scanner):
     assert (np.degrees(result.sigma) < 0.06).all()
 
 
-def test_the_boresight_does_not_need_rings(thinned):
-    """Under one range offset a ring is worth nothing but its elevation."""
+def test_the_boresight_does_not_need_rings():
+    """A ring without a range offset of its own is worth nothing but its elevation."""
     survey = cached(simulate, make_config())[0]
     elevations = survey.scanner.beam_elevations
     bare = replace(
@@ -177,7 +177,7 @@ def test_the_boresight_does_not_need_rings(thinned):
         ),
     )
     results = [
-        calibrate(one, cached(find_roofs, one).tie_planes, "SL with a common offset")
+        calibrate(one, cached(find_roofs, one).tie_planes, "SL without offsets")
         for one in (survey, bare)
     ]
     apart = results[1].boresight - results[0].boresight
