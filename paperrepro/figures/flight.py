@@ -421,7 +421,10 @@ def _noise(own: OwnFlight) -> Table | None:
         )
         for name, words in specified.items()
     ]  # fmt: skip
-    for name, key in (("surface of a view", "surface_m"), ("roughness", "roughness_m")):
+    surfaces = {
+        "surface of a view": "surface_m", "roughness": "roughness_m", "bend of a face": "bending_m",
+    }  # fmt: skip
+    for name, key in surfaces.items():
         lines.append((name, "", f"{number(CM * factors[key], 2)} cm", "", ""))
     heads = ["σ of", "specified", "factor found", "lasting (s)", "share of a second's errors"]
     return Table(heads, lines, ["word", "word", "number", "number", "number"])
