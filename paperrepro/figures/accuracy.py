@@ -5,7 +5,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from scipy import stats
 
-from paperrepro.figures import SCENARIO_COLOURS, scenario_name
+from paperrepro.figures import SCENARIO_COLOURS, narrow_name, scenario_name
 from paperrepro.method.accuracy import Distribution
 from paperrepro.paper.numbers import number
 
@@ -34,7 +34,7 @@ def rmse_bars(
         label=f"floor, true mounting: {CM * floor_m:.1f} cm",
     )  # fmt: skip
     ax.legend(loc="upper right")
-    ax.set_xticks(range(len(table)), [scenario_name(name) for name in table.scenario])
+    ax.set_xticks(range(len(table)), [narrow_name(name) for name in table.scenario])
     ax.set_ylabel("RMSE (cm)")
     ax.set_xlim(-0.6, len(table) - 0.4)
     most = max([floor_m, *table.rmse_m, *(reach[1] for reach in reaches.values() if reach)])
@@ -79,20 +79,31 @@ def histogram(ax: Axes, table: pd.DataFrame, scenario: str, shape: Distribution)
     return ax
 
 
-def histograms(axes, table: pd.DataFrame, shapes: dict[str, Distribution]) -> None:
-    """Fig. 8: a panel for each scenario of `histogram_table`, in the order of ``shapes``, whose
-    mean, sigma and distance from a normal distribution are written above."""
-    for ax, letter, (name, shape) in zip(axes, "abcdef", shapes.items(), strict=False):
+def histograms(
+    axes: np.ndarray, table: pd.DataFrame, shapes: dict[str, Distribution],
+    spread_m: dict[str, tuple[float, float]] | None = None,
+) -> None:  # fmt: skip
+    """Fig. 8: a panel of ``axes`` (rows, columns) for each scenario of `histogram_table`, in the
+    order of ``shapes``, whose mean, sigma and distance from a normal distribution are written
+    above; ``spread_m``, what the means of other surveys span, by scenario, are bars on top."""
+    panels = axes.ravel()
+    for ax, letter, (name, shape) in zip(panels, "abcdef", shapes.items(), strict=False):
         histogram(ax, table, name, shape)
+        if name in (spread_m or {}):
+            ax.plot(CM * np.array(spread_m[name]), [1.05] * 2, color="#4d4d4d", lw=2.0,
+                    transform=ax.get_xaxis_transform(), clip_on=False)  # fmt: skip
         ax.set_title(
-            f"({letter}) {scenario_name(name)}\nmean {number(CM * shape.mean, 1, signed=True)} cm\n"
-            f"σ {number(CM * shape.sigma, 1)} cm\nKS {number(100 * shape.ks, 1)} %"
+            f"({letter}) {scenario_name(name)}\nmean {number(CM * shape.mean, 1, signed=True)} cm, "
+            f"σ {number(CM * shape.sigma, 1)} cm\nKS {number(100 * shape.ks, 1)} %",
+            pad=9,
         )
-    for ax in axes[2:]:
-        ax.sharey(axes[1])
-        ax.tick_params(labelleft=False)
-    axes[0].set_ylabel("density (1/cm)")
-    axes[len(axes) // 2].set_xlabel("point-to-plane distance (cm)")
+    for ax in panels[2:]:
+        ax.sharey(panels[1])
+    tallest = table[table.scenario.isin(list(shapes)[1:])][["density", "normal"]]
+    panels[1].set_ylim(0, 1.05 * tallest.max(axis=None) / CM)
+    for ax in axes[:, 0]:
+        ax.set_ylabel("density (1/cm)")
+    axes[-1, axes.shape[1] // 2].set_xlabel("point-to-plane distance (cm)")
 
 
 def offset_strips(
@@ -120,8 +131,7 @@ def offset_strips(
     for words, bound in bounds_m.items():
         ax.axhline(CM * bound, color="#4d4d4d", lw=0.7, ls=(0, (4, 2)))
         ax.text(len(stages) - 0.45, CM * bound, words, ha="right", va="bottom", fontsize=7)
-    names = [scenario_name(name).split(" = ")[0].replace(" ", "\n") for name in scenarios]
-    ax.set_xticks(range(len(stages)), names)
+    ax.set_xticks(range(len(stages)), [narrow_name(name) for name in scenarios])
     for stage in dict.fromkeys(stages):
         places = [x for x, of in enumerate(stages) if of == stage]
         words = f"after {stage}" if stage else ""
