@@ -206,6 +206,7 @@ def errors_against_sigmas(ax: Axes, table: pd.DataFrame) -> Axes:
     ax.set_ylabel("error, three angles together (°)")
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("")
     ax.figure.legend(loc="outside lower center", ncols=3)
     return ax
 

@@ -196,8 +196,9 @@ def perspective(
         shown = np.random.default_rng(0).permutation(shown)
         look = {"s": 0.6, "c": [STRIP_COLOURS[name] for name in strips[shown]]}
     dots = ax.scatter(*p_m[shown].T, lw=0, depthshade=False, rasterized=True, **look)
-    ax.view_init(elev=18, azim=-55)
-    ax.set_box_aspect((2 * half_m, 2 * half_m, high - low), zoom=1.15)
+    ax.view_init(elev=18 if strips is None else 32, azim=-55)
+    zoom = 1.15 if strips is None else 1.5
+    ax.set_box_aspect((2 * half_m, 2 * half_m, high - low), zoom=zoom)
     upright(ax, low, high)
     return dots
 

@@ -19,6 +19,7 @@ from paperrepro.figures import accuracy, calibration, flight, refinement, roofs,
 from paperrepro.method.accuracy import Distribution, ground_spread, ring_spread
 from paperrepro.method.georeference import georeference
 from paperrepro.paper.published import TABLE1
+from paperrepro.study.rows import ADJUSTED
 from paperrepro.survey import Mounting, Rays
 
 NOTEBOOKS = sorted((Path(__file__).resolve().parents[3] / "notebooks").glob("[0-9][0-9]_*.ipynb"))
@@ -101,7 +102,8 @@ def test_the_same_figure_gives_the_same_bytes(tmp_path):
 
 
 def test_scenarios_and_strips_have_colours_of_their_own():
-    assert set(figures.SCENARIO_COLOURS) == {"before", "SL", "A", "B", "C", "D", "truth"}
+    names = {"before", "SL", "A", "B", "C", "D", ADJUSTED, "truth"}
+    assert set(figures.SCENARIO_COLOURS) == names
     assert set(figures.STRIP_COLOURS) == {strip for pair in TABLE1 for strip in pair}
     for colours in (figures.SCENARIO_COLOURS, figures.STRIP_COLOURS):
         rgb = [np.array(matplotlib.colors.to_rgb(colour)) for colour in colours.values()]
@@ -148,6 +150,21 @@ def test_fig08_histogram_is_a_density_with_its_normal_curve(ax):
     x, normal = ax.lines[0].get_data()
     assert x[np.argmax(normal)] == pytest.approx(100 * shape.mean, abs=0.1)
     assert np.trapezoid(normal, x) == pytest.approx(1.0)
+
+
+def test_fig08_bars_span_the_means_of_other_surveys_and_no_panel_is_cut():
+    distances = {"before": 0.4, "B": 0.04, "C": 0.02}
+    rng = np.random.default_rng(0)
+    distances = {name: rng.normal(0.03, sigma, 50_000) for name, sigma in distances.items()}
+    table = accuracy.histogram_table(distances, limit_m=0.3, width_m=0.01)
+    shapes = {name: Distribution.of(values) for name, values in distances.items()}
+    _, axes = figures.canvas("double", 60, nrows=1, ncols=3, squeeze=False)
+    accuracy.histograms(axes, table, shapes, {"C": (-0.05, 0.08)})
+    bars = [line for ax in axes.ravel() for line in ax.lines if line.get_linewidth() == 2.0]
+    assert [bar.axes for bar in bars] == [axes[0, 2]]
+    np.testing.assert_allclose(bars[0].get_xdata(), (-5.0, 8.0))
+    assert axes[0, 1].get_ylim()[1] > table.density[table.scenario == "C"].max() / 100
+    assert axes[0, 1].get_ylim() == axes[0, 2].get_ylim()
 
 
 def test_histogram_s_bins_are_whole_and_symmetric():
