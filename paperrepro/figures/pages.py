@@ -324,7 +324,7 @@ def _picture(folder: Path, name: str) -> Picture | None:
         pixels = [round(PIXELS * side) for side in size]
         picture = picture.convert("RGB").resize(pixels, Image.Resampling.LANCZOS)
     few = picture.quantize(64, dither=Image.Dither.NONE).convert("RGB")
-    forms = [_webp(few, lossless=True), _webp(picture, quality=68, use_sharp_yuv=True)]
+    forms = [_webp(few, lossless=True), _webp(picture, quality=60, use_sharp_yuv=True)]
     return Picture.of(min(forms, key=len), "webp", size)
 
 
