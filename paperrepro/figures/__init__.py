@@ -26,7 +26,7 @@ SCENARIO_COLOURS = {
     "B": "#cc79a7",
     "C": "#009e73",
     "D": "#d55e00",
-    "D trajectory adjusted": "#7a3600",
+    "D trajectory adjusted": "#7f3800",
     "truth": "#000000",
 }
 SCENARIO_NAMES = {
@@ -34,7 +34,7 @@ SCENARIO_NAMES = {
     "SL": "[11] = SL",
     "D": "D (ours)",
     "D noise found": "D, noise found",
-    "D trajectory adjusted": "D, trajectory adjusted (ours)",
+    "D trajectory adjusted": "D (ours), trajectory adjusted",
     "truth": "true mounting",
 }
 
@@ -78,6 +78,11 @@ def thinned(points, limit: int = 6000):
 def scenario_name(scenario: str) -> str:
     """What a reader of the paper calls it."""
     return SCENARIO_NAMES.get(scenario, scenario)
+
+
+def narrow_name(scenario: str) -> str:
+    """`scenario_name` for a tick: the least of it, a word a line."""
+    return scenario_name(scenario).split(" = ")[0].replace(" ", "\n")
 
 
 def save(

@@ -5,17 +5,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 from scipy import stats
 
-from paperrepro.figures import SCENARIO_COLOURS, scenario_name
+from paperrepro.figures import SCENARIO_COLOURS, narrow_name, scenario_name
 from paperrepro.method.accuracy import Distribution
 from paperrepro.paper.numbers import number
 
 CM = 100.0
-
-
-def _tick(scenario: str) -> str:
-    """A name for a narrow place."""
-    short = scenario_name(scenario).split(" = ")[0].replace(" (", "\n(")
-    return short.replace(", trajectory adjusted", " +\ntraj.").split("\n(ours)")[0]
 
 
 def rmse_bars(
@@ -40,7 +34,7 @@ def rmse_bars(
         label=f"floor, true mounting: {CM * floor_m:.1f} cm",
     )  # fmt: skip
     ax.legend(loc="upper right")
-    ax.set_xticks(range(len(table)), map(_tick, table.scenario))
+    ax.set_xticks(range(len(table)), [narrow_name(name) for name in table.scenario])
     ax.set_ylabel("RMSE (cm)")
     ax.set_xlim(-0.6, len(table) - 0.4)
     most = max([floor_m, *table.rmse_m, *(reach[1] for reach in reaches.values() if reach)])
@@ -86,26 +80,30 @@ def histogram(ax: Axes, table: pd.DataFrame, scenario: str, shape: Distribution)
 
 
 def histograms(
-    axes, table: pd.DataFrame, shapes: dict[str, Distribution],
+    axes: np.ndarray, table: pd.DataFrame, shapes: dict[str, Distribution],
     spread_m: dict[str, tuple[float, float]] | None = None,
 ) -> None:  # fmt: skip
-    """Fig. 8: a panel for each scenario of `histogram_table`, in the order of ``shapes``, whose
-    mean, sigma and distance from a normal distribution are written above; ``spread_m``, what the
-    means of other surveys span, below the mean."""
-    for ax, letter, (name, shape) in zip(axes, "abcdef", shapes.items(), strict=False):
+    """Fig. 8: a panel of ``axes`` (rows, columns) for each scenario of `histogram_table`, in the
+    order of ``shapes``, whose mean, sigma and distance from a normal distribution are written
+    above; ``spread_m``, what the means of other surveys span, by scenario, are bars on top."""
+    panels = axes.ravel()
+    for ax, letter, (name, shape) in zip(panels, "abcdef", shapes.items(), strict=False):
         histogram(ax, table, name, shape)
-        reach = " to ".join(number(CM * m, 1, signed=True) for m in (spread_m or {}).get(name, ()))
+        if name in (spread_m or {}):
+            ax.plot(CM * np.array(spread_m[name]), [1.05] * 2, color="#4d4d4d", lw=2.0,
+                    transform=ax.get_xaxis_transform(), clip_on=False)  # fmt: skip
         ax.set_title(
-            f"({letter}) {scenario_name(name)}\nmean {number(CM * shape.mean, 1, signed=True)} cm\n"
-            + (f"({reach})\n" if reach else "\n" if spread_m else "")
-            + f"σ {number(CM * shape.sigma, 1)} cm\nKS {number(100 * shape.ks, 1)} %",
-            fontsize=7.5,
+            f"({letter}) {scenario_name(name)}\nmean {number(CM * shape.mean, 1, signed=True)} cm, "
+            f"σ {number(CM * shape.sigma, 1)} cm\nKS {number(100 * shape.ks, 1)} %",
+            pad=9,
         )
-    for ax in axes[2:]:
-        ax.sharey(axes[1])
-        ax.tick_params(labelleft=False)
-    axes[0].set_ylabel("density (1/cm)")
-    axes[len(axes) // 2].set_xlabel("point-to-plane distance (cm)")
+    for ax in panels[2:]:
+        ax.sharey(panels[1])
+    tallest = table[table.scenario.isin(list(shapes)[1:])][["density", "normal"]]
+    panels[1].set_ylim(0, 1.05 * tallest.max(axis=None) / CM)
+    for ax in axes[:, 0]:
+        ax.set_ylabel("density (1/cm)")
+    axes[-1, axes.shape[1] // 2].set_xlabel("point-to-plane distance (cm)")
 
 
 def offset_strips(
@@ -133,7 +131,7 @@ def offset_strips(
     for words, bound in bounds_m.items():
         ax.axhline(CM * bound, color="#4d4d4d", lw=0.7, ls=(0, (4, 2)))
         ax.text(len(stages) - 0.45, CM * bound, words, ha="right", va="bottom", fontsize=7)
-    ax.set_xticks(range(len(stages)), map(_tick, scenarios))
+    ax.set_xticks(range(len(stages)), [narrow_name(name) for name in scenarios])
     for stage in dict.fromkeys(stages):
         places = [x for x, of in enumerate(stages) if of == stage]
         words = f"after {stage}" if stage else ""

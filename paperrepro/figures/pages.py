@@ -238,7 +238,7 @@ def _sigma_sentences(folder: Path) -> list[str]:
     held = {s: f"{number(100 * mean.held[s], 0)}\u00a0%" for s in names}
     return [
         f"Over {table.seed.nunique()} surveys the boresight, three angles together, is wrong by "
-        f"{_listed(errors)} on average.",
+        f"{_listed(errors)} on average, few points of a face entering but in D.",
         f"The 95\u00a0% intervals that the σ promise hold a true angle in {_listed(held)} of the "
         "cases.",
     ]
@@ -324,7 +324,7 @@ def _picture(folder: Path, name: str) -> Picture | None:
         pixels = [round(PIXELS * side) for side in size]
         picture = picture.convert("RGB").resize(pixels, Image.Resampling.LANCZOS)
     few = picture.quantize(64, dither=Image.Dither.NONE).convert("RGB")
-    forms = [_webp(few, lossless=True), _webp(picture, quality=68, use_sharp_yuv=True)]
+    forms = [_webp(few, lossless=True), _webp(picture, quality=60, use_sharp_yuv=True)]
     return Picture.of(min(forms, key=len), "webp", size)
 
 

@@ -37,6 +37,8 @@ def curves(ax: Axes, table: pd.DataFrame, quantity: str, factor: float = 1.0) ->
         ax.errorbar(x, y, reach, fmt="o-", ms=3, color=SCENARIO_COLOURS[name],
                     lw=0.9, elinewidth=0.9, label=scenario_name(name))  # fmt: skip
     ax.set_xticks(sorted(table.noise_scale.unique()))
+    if table.noise_scale.nunique() == 1:  # else what sets them apart would fill the axis
+        ax.set_xlim(table.noise_scale.iloc[0] + 10 * apart * np.array([-1, 1]))
     ax.xaxis.set_major_formatter("{x:g}")
     ax.set_ylim(bottom=0)
     ax.set_xlabel("trajectory noise (× data sheet)")
@@ -204,6 +206,7 @@ def errors_against_sigmas(ax: Axes, table: pd.DataFrame) -> Axes:
     ax.set_ylabel("error, three angles together (°)")
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("")
     ax.figure.legend(loc="outside lower center", ncols=3)
     return ax
 

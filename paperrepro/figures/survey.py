@@ -182,15 +182,23 @@ def heights(ax: Axes, p_m: np.ndarray, extent_m, limits_m=None, cell_m=1.0) -> A
     return image
 
 
-def perspective(ax, p_m: np.ndarray, centre_m: np.ndarray, half_m: float) -> PathCollection:
-    """Points (N, 3) within ``half_m`` of ``centre_m`` (2,), coloured by height; 3-D axes. Returns
-    the dots, for a colour bar."""
-    shown = thinned(p_m[inside(p_m[:, :2], centre_m - half_m, centre_m + half_m)], 9_000)
-    low, high = np.percentile(shown[:, 2], [0.5, 99.8])
-    shown = shown[(shown[:, 2] >= low) & (shown[:, 2] <= high)]
-    dots = ax.scatter(*shown.T, c=shown[:, 2], s=2, lw=0, depthshade=False, rasterized=True)
-    ax.view_init(elev=18, azim=-55)
-    ax.set_box_aspect((2 * half_m, 2 * half_m, high - low), zoom=1.15)
+def perspective(
+    ax, p_m: np.ndarray, centre_m: np.ndarray, half_m: float, strips: np.ndarray | None = None
+) -> PathCollection:
+    """Points (N, 3) within ``half_m`` of ``centre_m`` (2,), coloured by height, or by ``strips``
+    (N,), in random order so that none lies on top; 3-D axes. Returns the dots, for a colour bar."""
+    shown = np.flatnonzero(inside(p_m[:, :2], centre_m - half_m, centre_m + half_m))
+    shown = thinned(shown, 9_000 if strips is None else 40_000)
+    low, high = np.percentile(p_m[shown, 2], [0.5, 99.8])
+    shown = shown[(p_m[shown, 2] >= low) & (p_m[shown, 2] <= high)]
+    look = {"s": 2, "c": p_m[shown, 2]}
+    if strips is not None:
+        shown = np.random.default_rng(0).permutation(shown)
+        look = {"s": 0.6, "c": [STRIP_COLOURS[name] for name in strips[shown]]}
+    dots = ax.scatter(*p_m[shown].T, lw=0, depthshade=False, rasterized=True, **look)
+    ax.view_init(elev=18 if strips is None else 32, azim=-55)
+    zoom = 1.15 if strips is None else 1.5
+    ax.set_box_aspect((2 * half_m, 2 * half_m, high - low), zoom=zoom)
     upright(ax, low, high)
     return dots
 

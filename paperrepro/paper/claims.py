@@ -287,7 +287,8 @@ def _boresight() -> Iterator[Claim]:
         in_settings(one(lambda r: always(judges.within_specification(r["C"]))), errors="natural"),
         "planes of natural terrain, here banks, ditches and dams, do instead of roofs: all angles "
         "of C lie within the attitude accuracy")
-    yield Claim("urban", "section 4", SAYS, reasoned("the simulated site is a farm"),
+    yield Claim("urban", "section 4", SAYS, reasoned(
+        "houses of a simulated site stand apart, and no street hides satellites from the GNSS/INS"),
         "the calibration can be arranged in urban areas")
     yield Claim("lever-arm", "section 4", SAYS, reasoned(
         "the paper leaves it to later work, and A, B and C as it prints them hold the lever arm; "
@@ -386,7 +387,7 @@ def _ours() -> Iterator[Claim]:
         "the same points could be much better than D: errors within 15 % of the Cramer-Rao bound")
     yield Claim("ours-error-D", "beside the Abstract", OURS,
         in_settings(each(ALL, lambda r, x: less(error("D"), error(r[x]), "deg"))),
-        "D finds the boresight better than the paper's estimators")
+        "D finds the boresight better than [11], A, B and C")
     yield Claim("ours-few-honest", sigmas, OURS,
         in_settings(each(("SL", "B", "C"), lambda r, x: judges.mostly_less(
             metric(FEW[x], "nees"), metric(MANY[x], "nees")))),
@@ -416,9 +417,9 @@ def _ours() -> Iterator[Claim]:
         in_settings(lambda r: {
             "median": judges.median(now, MEDIAN_LEFT, "1", {"by D's mounting alone": kept}),
             "each": always(judges.at_most(now, MOST_LEFT))}, "mount", noise=1.0),
-        "what remains after the paper's method is trajectory error and can be removed: D's mounting"
-        " and trajectory leave 0.6 times the 3D error of the true mounting under the trajectory as "
-        "reported, at most, in the median, and 0.8 times in each survey")
+        "of the 3D error that no mounting removes, the trajectory's, D removes a part: mounting and"
+        " trajectory of D leave at most 0.6 times that of the true mounting under the trajectory as"
+        " reported in the median, and 0.8 times in each survey")
     covered = {w: metric(ADJUSTED, f"covered_{w}") for w in ("observed", "gaps")}
     yield Claim("ours-corrections", sigmas, OURS,
         in_settings(lambda r: {

@@ -152,6 +152,21 @@ def test_fig08_histogram_is_a_density_with_its_normal_curve(ax):
     assert np.trapezoid(normal, x) == pytest.approx(1.0)
 
 
+def test_fig08_bars_span_the_means_of_other_surveys_and_no_panel_is_cut():
+    distances = {"before": 0.4, "B": 0.04, "C": 0.02}
+    rng = np.random.default_rng(0)
+    distances = {name: rng.normal(0.03, sigma, 50_000) for name, sigma in distances.items()}
+    table = accuracy.histogram_table(distances, limit_m=0.3, width_m=0.01)
+    shapes = {name: Distribution.of(values) for name, values in distances.items()}
+    _, axes = figures.canvas("double", 60, nrows=1, ncols=3, squeeze=False)
+    accuracy.histograms(axes, table, shapes, {"C": (-0.05, 0.08)})
+    bars = [line for ax in axes.ravel() for line in ax.lines if line.get_linewidth() == 2.0]
+    assert [bar.axes for bar in bars] == [axes[0, 2]]
+    np.testing.assert_allclose(bars[0].get_xdata(), (-5.0, 8.0))
+    assert axes[0, 1].get_ylim()[1] > table.density[table.scenario == "C"].max() / 100
+    assert axes[0, 1].get_ylim() == axes[0, 2].get_ylim()
+
+
 def test_histogram_s_bins_are_whole_and_symmetric():
     table = accuracy.histogram_table({"B": np.arange(3.0)}, limit_m=0.3, width_m=0.01)
     assert len(table) == 60

@@ -22,7 +22,7 @@ from paperrepro.errors import BadInput
 from paperrepro.figures import pages, survey
 from paperrepro.paper.artefacts import ARTEFACTS, CAPTIONS, Values, caption
 from paperrepro.paper.verdicts import COLUMNS, FOLLOWS, OURS, SAYS
-from paperrepro.study.rows import SurveyKey, frame
+from paperrepro.study.rows import ADJUSTED, SurveyKey, frame
 
 ROOT = Path(__file__).resolve().parents[3]
 FIGURES = ROOT / "figures"
@@ -68,7 +68,7 @@ def folder(tmp_path):
     pd.DataFrame(CLAIMS, columns=list(COLUMNS)).to_csv(tmp_path / "claims.csv", index=False)
     rows = [
         RUN.row("fig08", s, metric, unit, value)
-        for s in ("SL", "B", "C", "D")
+        for s in ("SL", "B", "C", "D", ADJUSTED)
         for metric, unit, value in [("mean", "m", 0.0234), ("sigma", "m", 0.04), ("ks", "1", 0.02)]
     ]
     frame(rows).to_csv(tmp_path / "rows.csv", index=False)
