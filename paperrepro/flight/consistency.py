@@ -159,7 +159,7 @@ def _consistent(
     raise RaysDoNotFit(
         f"{names.trajectory}: the rays to the points of {names.strip} and others do not fit: "
         f"within a beam the elevations scatter by {degrees}; {_causes(evidence)}give the "
-        "trajectory and the mounting with which the coordinates were computed"
+        f"trajectory and the mounting with which the coordinates were computed{_kinds(given)}"
     )
 
 
@@ -333,6 +333,12 @@ def _causes(evidence: Evidence) -> str:
     if sample.scale > COARSE_STEP:
         causes.append(f"the coordinates come in steps of {sample.scale:.3g} m")
     return "".join(f"{cause}; " for cause in causes)
+
+
+def _kinds(given: MountingFile) -> str:
+    if given.kind == "any" or (given.beams_given and given.kind == "rings"):
+        return ""
+    return "; or say --scanner any, where no beam keeps an elevation"
 
 
 def coarse_coordinates(samples: Sequence[StripSample]) -> list[str]:

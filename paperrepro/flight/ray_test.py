@@ -121,6 +121,14 @@ def fit(pose: np.ndarray, sample: Sample, mounting: Mounting) -> Fit:
     return Fit(scatter, rings, medians, limit)
 
 
+def about_mirror(pose: np.ndarray, sample: Sample, mounting: Mounting) -> Mounting:
+    """For a test of a line scanner: makers name the axis of the mirror z or otherwise, so the
+    laser's axes are named anew where the elevations about x or y clearly scatter less."""
+    turned = [replace(mounting, R_nominal=np.roll(mounting.R_nominal, k, axis=1)) for k in range(3)]
+    scatter = [fit(pose, sample, one).scatter for one in turned]
+    return turned[int(np.argmin(scatter))] if min(scatter) < 0.1 * scatter[0] else mounting
+
+
 def is_return(rho: np.ndarray) -> np.ndarray:
     """(N,) bool: a point at this range, m, is what a pulse met."""
     return (rho >= NEAREST) & (rho <= FARTHEST)

@@ -18,7 +18,7 @@ import numpy as np
 
 from paperrepro._progress import Remaining
 from paperrepro.errors import BadInput, RaysDoNotFit
-from paperrepro.flight import consistency, decoding, flight_lines
+from paperrepro.flight import consistency, decoding, flight_lines, ray_test
 from paperrepro.flight.consistency import Names
 from paperrepro.flight.decoding import Decoder
 from paperrepro.flight.geodesy import LocalFrame
@@ -265,6 +265,8 @@ def _decoder_of_flown(
     )
     evidence = Evidence(samples, poses, given.mounting, frame, np.zeros(3))
     consistency.require_near(evidence, named.trajectory)
+    if given.kind == "line" and evidence.is_covered:
+        evidence = replace(evidence, mounting=ray_test.about_mirror(*evidence.rays, given.mounting))
     found, notes = consistency.consistent_evidence(evidence, given, named)
     scanner, beams, more = consistency.scanner_of(found.fit, given, named)
     time_shift = float(np.round(found.samples[0].time[0] - samples[0].time[0]))

@@ -15,6 +15,7 @@ from paperrepro.flight.mounting import read_mounting
 from paperrepro.method.adjustment.calibrate import calibrate
 from paperrepro.method.adjustment.trajectory_errors import find_noise
 from paperrepro.method.coarse_to_fine import find_roofs
+from paperrepro.method.georeference import georeference
 from tests.paperrepro.flight.test_posed import record
 
 
@@ -87,6 +88,22 @@ def test_one_beam_without_rings_is_a_line(folder):
     flight = written.read()
     assert any("as of a line scanner" in note for note in flight.notes)
     assert any("leap seconds" in note for note in flight.notes)
+
+
+@pytest.mark.parametrize(
+    "rows", ["[1, 0, 0], [0, 0, -1], [0, 1, 0]", "[0, 1, 0], [-1, 0, 0], [0, 0, 1]"]
+)
+def test_the_mirror_may_turn_about_any_axis_of_the_laser(folder, rows):
+    """Of x or y as of z."""
+    written = without_rings(folder(), "line", one_beam)
+    before = written.read()
+    rotation = re.search(r"rotation = .*", written.mounting.read_text())[0]
+    written.change_mounting(rotation, f"rotation = [{rows}]")
+    flight = written.read()
+    p_m, expected = (
+        georeference(f.survey.rays(f.survey.strips[0]), f.survey.mounting) for f in (flight, before)
+    )
+    np.testing.assert_allclose(p_m, expected, atol=1e-4)
 
 
 def test_one_file_alone_misses_its_rings(folder):
