@@ -83,7 +83,7 @@ def places_left(windows: tuple[Window, ...], u: int, n_planes: int, b: int) -> l
 
 
 def dissection(windows: tuple[Window, ...], origin: np.ndarray) -> np.ndarray:
-    """Order (W,) of ``windows`` whose planes have origins (G, 3): see `block_cholesky.dissected`."""
+    """Order (W,) of ``windows``, whose planes have origins (G, 3), as `dissected` makes it."""
     middle = np.array([origin[w.planes, :2].mean(axis=0) for w in windows])
     time = np.arange(len(windows))
     return dissected(

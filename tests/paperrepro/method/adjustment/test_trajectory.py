@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from paperrepro.errors import BadInput
+from paperrepro.method.adjustment.block_cholesky import BlockCholesky
 from paperrepro.method.adjustment.result import TrajectoryErrors
 from paperrepro.method.adjustment.scenarios import calibrate as calibrate_paper
 from paperrepro.method.adjustment.trajectory_components import (
@@ -179,6 +180,10 @@ def test_elimination_equals_the_dense_system(small):
     np.testing.assert_allclose(
         step.columns(size)[:size] / outer, Q[:size, :size] / outer, atol=1e-4
     )
+    own = ends[0] + np.arange(3 * len(state.planes)).reshape(-1, 3)
+    of_planes = Q[own[:, :, None], own[:, None]] / (sigma[own][:, :, None] * sigma[own][:, None])
+    scaled = step.of_planes() / (sigma[own][:, :, None] * sigma[own][:, None])
+    np.testing.assert_allclose(scaled, of_planes, atol=1e-4)
     variance, beside, surface = step.covariance()
     K, P = variance.shape[:2]
     of_nodes = np.diag(Q)[size : ends[3]].reshape(K, P, 6)
@@ -195,6 +200,20 @@ def test_elimination_equals_the_dense_system(small):
     assert step.log_det == pytest.approx(np.linalg.slogdet(N)[1] - rough, abs=1e-3)
     fall = t @ np.linalg.solve(N, t) - (chi2 - data.chi2)
     assert step.decrement == pytest.approx(fall, rel=1e-4)
+
+
+def test_of_the_inverse_no_more_is_made_than_is_asked_for(monkeypatch):
+    """At no size a dense inverse, nor columns of it for all unknowns."""
+    tie_planes, _ = flown(0, count=20, n_roofs=12)
+    solved, inverted, solve, inv = [], [], BlockCholesky.solve, np.linalg.inv
+    monkeypatch.setattr(
+        BlockCholesky, "solve", lambda self, b: solved.append(b.shape[1]) or solve(self, b)
+    )
+    monkeypatch.setattr(np.linalg, "inv", lambda a: inverted.append(len(a)) or inv(a))
+    result = calibrate_with_trajectory(survey_of(), tie_planes, near=np.zeros(3))
+    assert result.covariance_planes.shape == (24, 4, 4)
+    assert max(solved) == 3
+    assert max(inverted) < 3 * 24
 
 
 def test_control_points_equal_the_dense_system(small):
@@ -280,7 +299,7 @@ def test_flat_roofs_have_no_surface_error_and_the_model_costs_nothing():
         flat = Noise((specified_process(NAVIGATION),), np.zeros(6), 0.0)
         bumpy = replace(flat, surface=surface[-1], roughness=rough[-1])
         sigma = [
-            np.sqrt(np.diag(eliminate(model.normals(state, noise), model, noise, state).own(3)))[:3]
+            np.sqrt(np.diag(eliminate(model.normals(state, noise), model, noise, state).columns(3)))
             for noise in (flat, bumpy)
         ]
         ratio.append(sigma[1] / sigma[0])
