@@ -213,7 +213,7 @@ def test_of_the_inverse_no_more_is_made_than_is_asked_for(monkeypatch):
     result = calibrate_with_trajectory(survey_of(), tie_planes, near=np.zeros(3))
     assert result.covariance_planes.shape == (24, 4, 4)
     assert max(solved) == 3
-    assert max(inverted) < 3 * 24
+    assert max(inverted) < 3 * 24 + 6  # planes and constants alone are as many
 
 
 def test_control_points_equal_the_dense_system(small):
