@@ -235,7 +235,7 @@ def test_executed_notebooks_are_linked_as_pages_where_they_are(folder):
 
 def test_rows_of_another_run_are_owned_to(folder):
     text = pages.page(folder, SurveyKey("mount", "quick", 1.0, 8))
-    assert "12 values in rows.csv are of another profile, noise scale or seed" in text
+    assert "15 values in rows.csv are of another profile, noise scale or seed" in text
     assert "missing in rows.csv: fig08/SL/mean" in text
 
 
