@@ -67,7 +67,7 @@ def village(rows: int, columns: int, count: int = 60, seed: int = 0) -> tuple[Su
     planes[:, 3] = np.einsum("ga,ga->g", planes[:, :3], centres)
     faces, strips, planes_of = [], [], []
     for line in lines:
-        rays, seen = _views(rng, planes, centres, line, motion, truth, count)
+        seen, rays = _views(rng, planes, centres, line, motion, truth, count)
         faces += [rays.take(slice(k, k + count)) for k in range(0, len(rays), count)]
         strips += len(seen) * [line.name]
         planes_of += seen.tolist()
@@ -81,7 +81,7 @@ def village(rows: int, columns: int, count: int = 60, seed: int = 0) -> tuple[Su
 
 
 def _views(rng, planes, centres, line: FlightLine, motion: Motion, truth: Mounting, count: int):
-    """Rays, ``count`` a view, of what ``line`` sees of roofs' sides, and which (V,) these are."""
+    """Which roofs' sides (V,) ``line`` sees, and the rays, ``count`` a view."""
     along = line.velocity / np.linalg.norm(line.velocity)
     above = line.height - centres[:, 2:]
     target = centres[:, None, :2] + rng.uniform(-2, 2, (len(planes), count, 2))
@@ -92,10 +92,12 @@ def _views(rng, planes, centres, line: FlightLine, motion: Motion, truth: Mounti
     seen = np.abs(across).max(axis=1) < 0.9 * (above * np.tan(HALF_SWATH))[:, 0]
     seen &= (time.min(axis=1) > line.start_time) & (time.max(axis=1) < line.end_time)
     (seen,) = np.nonzero(seen)
+    if not len(seen):
+        return seen, ()
     target, ring, time = (each[seen].reshape(-1, *each.shape[2:]) for each in (target, ring, time))
     pose = motion.at(time)
     across = (target - pose[:, :2]) @ [along[1], -along[0]]
     azimuth = pose[:, 5] - np.arctan2(across, np.repeat(above[seen], count))
     elevation, on = SCANNER.beam_elevations[ring], np.repeat(planes[seen], count, axis=0)
     rays = Rays(pose, ring, azimuth, elevation, np.zeros(len(time)), time)
-    return reaching(on, rays, truth), seen
+    return seen, reaching(on, rays, truth)

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from data_synth import make_config, simulate
+from data_synth.farm import Layout
 from paperrepro.figures import study
 from paperrepro.method.adjustment.scenarios import calibrate
 from paperrepro.method.georeference import georeference
@@ -168,3 +169,11 @@ def test_the_readme_says_how_many_aims_are_missed():
     met = pd.read_csv(root / "figures" / "benchmarks_targets.csv").met
     words = " ".join((root / "README.md").read_text("utf-8").split())
     assert f"Of {len(met)} aims {(met == 'no').sum()} are missed" in words
+
+
+def test_a_village_is_flown_as_far_as_it_reaches():
+    """Lines over sheds alone see no gable; the true boresight is none."""
+    survey, tie_planes = flight_time.village(5, 6)
+    result = flight_time.solve(survey, tie_planes, np.zeros(3))
+    assert tie_planes.n_planes == 2 * Layout(5, 6).n_gable
+    assert (np.abs(result.boresight) < 4 * result.sigma).all()
