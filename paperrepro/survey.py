@@ -259,19 +259,22 @@ class Strip:
     def __len__(self) -> int:
         return len(self.time)
 
+    @property
+    def columns(self) -> dict[str, np.ndarray]:
+        """What the strip has of its points, by name."""
+        names = ("time", "ring", "azimuth", "rho", "pose", "elevation")
+        return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+
     def take(self, index) -> "Strip":
         """The chosen points; ``index`` as numpy takes it."""
-        columns = (self.time, self.ring, self.azimuth, self.rho, self.pose, self.elevation)
-        return Strip(self.name, *(None if c is None else c[index] for c in columns))
+        return Strip(self.name, **{name: column[index] for name, column in self.columns.items()})
 
     def check(self) -> "Strip":
         """Return itself, or raise `EmptyStrip`, `NotFinite`, `BadInput`."""
         if len(self) == 0:
             raise EmptyStrip(f"{self.name}: expected points, the strip is empty; leave it out")
-        names = ("time", "ring", "azimuth", "rho", "pose", "elevation")
-        columns = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
-        require_lengths({name: len(column) for name, column in columns.items()}, self.name)
-        for name, column in columns.items():
+        require_lengths({name: len(column) for name, column in self.columns.items()}, self.name)
+        for name, column in self.columns.items():
             require_finite(column, f"{self.name} {name}")
         return self
 

@@ -123,11 +123,8 @@ def joined(strips: list[Strip]) -> tuple[list[Strip], list[str]]:
 
 def _concatenated(parts: list[Strip]) -> Strip:
     """One strip of all points, in order of time."""
-    names = ("time", "ring", "azimuth", "rho", "pose", "elevation")
     columns = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in names
-        if getattr(parts[0], name) is not None
+        name: np.concatenate([part.columns[name] for part in parts]) for name in parts[0].columns
     }
     return Strip(parts[0].name, **columns)
 

@@ -126,7 +126,7 @@ def boresight_by_closest_points(survey: Survey, rays: dict[str, Rays], seed: int
     Chen and Medioni 1992; sections of a strip as in Glira et al. 2015.
     """
     rng = np.random.default_rng(seed)
-    sectors = list(_sectors(rays, rng))
+    sectors = list(_sectors(survey, rays, rng))
     strip = np.array([number for number, _ in sectors])
     scale = float(np.median(np.concatenate([of.rho for _, of in sectors])))
     others = [_others(a, strip, rng) for a in range(len(sectors))]
@@ -148,9 +148,10 @@ def boresight_by_closest_points(survey: Survey, rays: dict[str, Rays], seed: int
     return x
 
 
-def _sectors(rays: dict[str, Rays], rng: np.random.Generator):
+def _sectors(survey: Survey, rays: dict[str, Rays], rng: np.random.Generator):
     """Number of the strip and its rays in random order, by sector of beams."""
-    edges = [(of.elevation.min(), of.elevation.max()) for of in rays.values()]
+    elevations = map(survey.elevation, survey.strips)
+    edges = [(of_strip.min(), of_strip.max()) for of_strip in elevations]
     low, high = np.degrees([np.min(edges), np.max(edges)])
     count = max(1, round((high - low) / SECTOR_DEG))
     for number, of_strip in enumerate(rays.values()):

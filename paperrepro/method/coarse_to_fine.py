@@ -246,7 +246,7 @@ def find_planes(
     TooFewPlanes, RankDefect, NoConvergence
     """
     points = points or sample_rays(survey)
-    boresight = boresight_by_closest_points(survey, points.rays)
+    boresight = boresight_by_closest_points(points.survey, points.rays)
     change = np.rad2deg(np.abs(boresight - survey.mounting.boresight)).max()
     progress(f"closest points: change {change:.3f}°")
     mounting = survey.mounting.with_calibration(boresight)
