@@ -111,7 +111,7 @@ def _others_than_all(found: Evidence) -> list[int]:
         if len(sample.time) >= LEAST_RAYS
     }
     fits = {k: fit for k, fit in fits.items() if fit is not None}
-    if found.fit is None or len(fits) < 2 or not found.samples[0].beams:
+    if found.fit is None or len(fits) < 2 or not found.beams:
         return []
     elevations = pd.DataFrame({k: pd.Series(f.elevations, f.rings) for k, f in fits.items()})
     apart = elevations.sub(elevations.median(axis=1), axis=0).abs().max()
@@ -126,7 +126,7 @@ def _consistent(
     evidence: Evidence, given: MountingFile, names: Names
 ) -> tuple[Evidence, list[str]]:
     """As `consistent_evidence`, of all files together."""
-    plain, beams = evidence.fit, evidence.samples[0].beams
+    plain, beams = evidence.fit, evidence.beams
     coarse = _coarse_times(evidence)
     if coarse and not beams and max(s.time_step for s in evidence.samples) > COARSE_UNSEEN:
         _refuse_coarse(*coarse)
@@ -269,11 +269,11 @@ def _refuse_by_name(evidence: Evidence, given: MountingFile, names: Names) -> No
         changed = hypothesis.change(few)
         if not changed.is_near:
             continue
-        if not changed.fit.good and few.samples[0].beams:
+        if not changed.fit.good and few.beams:
             changed = changed.with_height()
         if changed.fit.good:
             fits = f"fit the beams to {np.degrees(changed.fit.scatter):.3f} deg"
-            fits = fits if few.samples[0].beams else "lie in a cone"
+            fits = fits if few.beams else "lie in a cone"
             raise BadInput(
                 f"{getattr(names, hypothesis.where)}: {hypothesis.what}: so the rays to the points "
                 f"would {fits}, as given they do not; {hypothesis.remedy}"

@@ -137,9 +137,7 @@ def require_rings(files: list, records: list[Records]) -> None:
             )
 
 
-def strip_sample(
-    file, records: Records, clock: Clock, flown: np.ndarray, beams: bool = True
-) -> StripSample:
+def strip_sample(file, records: Records, clock: Clock, flown: np.ndarray) -> StripSample:
     """A file's sample for the tests, without the few times that are none of this flight."""
     time = clock(records.time)
     timed = is_flight_time(time, flown)
@@ -147,7 +145,7 @@ def strip_sample(
         timed = np.isfinite(time)
     return StripSample(
         str(file.path), file.grid, time[timed], records.ring[timed], records.xyz[timed],
-        _scale(file, records), time_step(records.time), beams,
+        _scale(file, records), time_step(records.time),
     )  # fmt: skip
 
 

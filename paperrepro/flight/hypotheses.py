@@ -31,8 +31,7 @@ OUTSIDE = 0.001
 @dataclass(frozen=True)
 class StripSample:
     """Points of a file: ``name``, ``grid`` of ``xyz`` (N, 3), ``time`` (N,) s of the trajectory's
-    clock, ``ring`` (N,) as recorded; ``step`` m and ``time_step`` s, how fine they are;
-    ``beams``: whether these keep their elevations."""
+    clock, ``ring`` (N,) as recorded; ``step`` m and ``time_step`` s, how fine they are."""
 
     name: str
     grid: Grid
@@ -41,7 +40,6 @@ class StripSample:
     xyz: np.ndarray
     step: float
     time_step: float
-    beams: bool = True
 
     def local(self, frame: LocalFrame) -> np.ndarray:
         """(N, 3) m, m-frame of ``frame``."""
@@ -51,13 +49,15 @@ class StripSample:
 @dataclass(frozen=True)
 class Evidence:
     """What the files say: ``samples`` of the strips, ``poses`` of the trajectory, the nominal
-    ``mounting``. ``shift`` (3,) m is added to the points in the m-frame of ``frame``."""
+    ``mounting``. ``shift`` (3,) m is added to the points in the m-frame of ``frame``; ``beams``:
+    whether those of the scanner keep their elevations."""
 
     samples: tuple[StripSample, ...]
     poses: Poses
     mounting: Mounting
     frame: LocalFrame
     shift: np.ndarray
+    beams: bool = True
 
     @property
     def attitude(self) -> np.ndarray:
@@ -87,7 +87,7 @@ class Evidence:
         inside = inside[np.isfinite(points[inside]).all(axis=1)]
         sample = Sample(
             points[inside], np.concatenate([s.ring for s in self.samples])[inside],
-            max(s.step for s in self.samples), self.samples[0].beams,
+            max(s.step for s in self.samples), self.beams,
         )  # fmt: skip
         if not len(inside):
             return np.empty((0, 6)), sample

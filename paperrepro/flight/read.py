@@ -260,10 +260,10 @@ def _decoder_of_flown(
     clocks = decoding.clocks_of(files, records, poses.time)
     flown = poses.time + poses.week
     samples = tuple(
-        decoding.strip_sample(file, r, clocks[file.path], flown, given.kind != "any")
+        decoding.strip_sample(file, r, clocks[file.path], flown)
         for file, r in zip(files, records, strict=True)
     )
-    evidence = Evidence(samples, poses, given.mounting, frame, np.zeros(3))
+    evidence = Evidence(samples, poses, given.mounting, frame, np.zeros(3), given.kind != "any")
     consistency.require_near(evidence, named.trajectory)
     if given.kind == "line" and evidence.is_covered:
         evidence = replace(evidence, mounting=ray_test.about_mirror(*evidence.rays, given.mounting))
