@@ -6,7 +6,8 @@ import numpy as np
 
 from paperrepro.errors import RankDefect, TooFewPlanes
 from paperrepro.method.adjustment.conditions import FaceStates, Unknowns, face_states
-from paperrepro.survey import Mounting, Rays
+from paperrepro.method.georeference import georeference
+from paperrepro.survey import Mounting, Rays, Scanner
 
 #: Planes needed for three angles and a check; the paper asks four of the refinement, section 2.2.5.
 LEAST_PLANES = 4
@@ -114,6 +115,21 @@ class TiePlanes:
     def _states(self, mounting: Mounting, ranges: np.ndarray) -> FaceStates:
         unknowns = Unknowns.layout(mounting, int(self.rays.ring.max()) + 1, "none")
         return face_states(mounting.pointed(self.rays), ranges, unknowns, unknowns.start())
+
+    def unevenness(self, mounting: Mounting, scanner: Scanner) -> np.ndarray:
+        """(F,) RMS of what is no noise of the laser in the points of each face about its own plane,
+        in units of that noise, which is as specified but for a factor: that of the median face. At
+        least what chance makes of so many points."""
+        faces, rays = self.states(mounting), self.rays
+        count = np.diff(self.ranges, axis=1)[:, 0]
+        sight = georeference(rays, mounting) - rays.pose[:, :3]
+        distance = np.linalg.norm(sight, axis=1)
+        normal = np.repeat(faces.plane[:, :3], count, axis=0)
+        along = np.square(np.einsum("na,na->n", sight, normal) / distance)
+        across = np.square(distance * scanner.angle_sigma) * (1 - along)
+        noise = np.add.reduceat(along * scanner.range_sigma**2 + across, self.ranges[:, 0]) / count
+        ratio = np.square(faces.rms) / noise
+        return np.sqrt(np.maximum(ratio / np.median(ratio) - 1, np.sqrt(2 / count)))
 
     def subset(self, keep: np.ndarray) -> "TiePlanes":
         """Without the faces where ``keep`` (F,) is False, and the planes that one face is left of,

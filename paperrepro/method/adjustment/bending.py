@@ -102,11 +102,13 @@ def without_bends(
     offsets = np.linalg.solve(reduced[:, :-1] + known, reduced[:, -1])
     information, axes = np.linalg.eigh(N_x)
     seen = np.einsum("gab,ga->gb", axes, t_x - N_o @ offsets)
-    information = np.maximum(information, 0.0)
+    squares = np.square(few.unevenness(mounting, scanner))
+    uneven = np.sqrt(np.bincount(few.plane, squares) / np.bincount(few.plane))[:, None]
+    information, seen = np.maximum(information, 0.0) * uneven**2, seen * uneven
     sigma, evidence = sigma_of_group(information.ravel(), np.square(seen).ravel(), SURFACE)
     if evidence < EVIDENCE:
         return tie_planes, 0.0
-    bends = np.einsum("gab,gb->ga", axes, seen / (information + sigma**-2.0))
+    bends = np.einsum("gab,gb->ga", axes, uneven * seen / (information + sigma**-2.0))
     rays, rho = tie_planes.rays, tie_planes.rays.rho.copy()
     p_m, controlled = georeference(rays, mounting), tie_planes.controlled
     for g, (first, last) in enumerate(tie_planes.plane_ranges):

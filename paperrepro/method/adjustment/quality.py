@@ -67,20 +67,21 @@ def reliability(
     the information ``1 / Q`` on that offset the prior's is ``p``, and a bias beside it is left with
     ``p (1 - p Q)``, and with a score of ``p`` times the offset found.
     """
-    p, state, strips = noise.surface_weight, solution.state, model.tie_planes.strips
+    state, strips, scale = solution.state, model.tie_planes.strips, model.to_plane[:, 2, 0]
+    p = noise.surface_weight / scale**2
     own = np.zeros(len(strips))
     for window, data in zip(model.windows, solution.data.windows, strict=True):
         offsets = len(data.t) - 3 * len(window.faces) + 3 * np.arange(len(window.faces)) + 2
         own[window.faces] = data.N[offsets, offsets]
     own *= p / (own + p)
-    information = np.maximum(p * (1 - p * of_surface[:, 0]), 1e-12 * own)
-    detectable, score = NON_CENTRALITY / np.sqrt(information), p * state.surface[:, 0]
+    information = np.maximum(p * (1 - p * scale**2 * of_surface[:, 0]), 1e-12 * own)
+    detectable, score = NON_CENTRALITY / np.sqrt(information), p * scale * state.surface[:, 0]
     turns, of_angles = np.zeros((len(strips), 3)), solution.step.columns(3)
     for window, step, where in zip(
         model.windows, solution.step.steps, solution.step.where, strict=True
     ):
         with_views = -step.views[:, :-1] @ of_angles[where]
-        turns[window.faces] = -p * with_views[::3]
+        turns[window.faces] = -with_views[::3] * (p * scale)[window.faces][:, None]
     turns *= detectable[:, None]
     return Reliability(
         strip=strips,

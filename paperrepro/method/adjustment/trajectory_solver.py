@@ -59,7 +59,8 @@ NEGLIGIBLE = 0.1
 class Noise:
     """Prior of the random effects: ``processes``, whose sum each pose's error follows; sigma
     ``constant`` (6,) m and rad of what lasts the whole mission; ``surface`` m, of a view's offset
-    and of what its two tilts are at one standard extent from its middle; ``roughness`` m, of the
+    and of what its two tilts are at one standard extent from its middle, where the view is as
+    uneven as noisy (`TiePlanes.unevenness`); ``roughness`` m, of the
     offset that a view's points of a moment share: tiles, grass, what one scan line meets."""
 
     processes: tuple[GaussMarkov, ...]
@@ -135,7 +136,8 @@ class TrajectoryModel:
         cells = Cells.of(tie_planes, nodes, survey.trajectory.rate if clock else None)
         _, _, rows = np.linalg.svd(states.plane[:, None, :3])  # rows 1, 2 span what is square to n
         axes = rows[:, 1:].transpose(0, 2, 1)
-        to_plane = _to_plane(tie_planes, unknowns, start, states.centroid, axes)
+        uneven = tie_planes.unevenness(survey.mounting, survey.scanner)
+        to_plane = _to_plane(tie_planes, unknowns, start, states.centroid, axes, uneven)
         cut = windows(cells, nodes, tie_planes.plane, to_plane)
         return cls(
             tie_planes, unknowns, nodes, cells, cut, dissection(cut, states.centroid),
@@ -210,8 +212,9 @@ def _turned(planes: np.ndarray, bases: np.ndarray, by: np.ndarray) -> np.ndarray
     return planes
 
 
-def _to_plane(tie_planes, unknowns, x, origin, axes) -> np.ndarray:
-    """An offset along the normal, and tilts about the view's middle in units of its extent."""
+def _to_plane(tie_planes, unknowns, x, origin, axes, uneven) -> np.ndarray:
+    """An offset along the normal, and tilts about the view's middle in units of its extent, times
+    how ``uneven`` (F,) the view is."""
     views = face_states(tie_planes.rays, tie_planes.ranges, unknowns, x)
     Z = axes[tie_planes.plane]
     middle = np.einsum("fab,fa->fb", Z, views.centroid - origin[tie_planes.plane])
@@ -221,7 +224,7 @@ def _to_plane(tie_planes, unknowns, x, origin, axes) -> np.ndarray:
     T[:, 2, 0] = 1.0
     T[:, 0, 1] = T[:, 1, 2] = 1 / extent
     T[:, 2, 1:] = middle / extent[:, None]
-    return T
+    return T * uneven[:, None, None]
 
 
 @dataclass(frozen=True)
