@@ -14,11 +14,11 @@ from paperrepro.errors import BadInput, NoConvergence, RankDefect, TooFewPlanes
 from paperrepro.flight.agreement import implausible, require_agreement
 from paperrepro.flight.read import Flight
 from paperrepro.method.accuracy import PairDistances, overlaps, pair_distances
+from paperrepro.method.adjustment import scenarios
 from paperrepro.method.adjustment.calibrate import calibrate
 from paperrepro.method.adjustment.model_checks import Check, model_checks
 from paperrepro.method.adjustment.observability import AXIS_WORDS, WIDEST_SIGMA
 from paperrepro.method.adjustment.result import CalibrationResult
-from paperrepro.method.adjustment.scenarios import by_name
 from paperrepro.method.adjustment.trajectory_equations import DETERMINED
 from paperrepro.method.adjustment.trajectory_errors import find_noise
 from paperrepro.method.coarse_to_fine import (
@@ -156,7 +156,7 @@ def calibrate_flight(
     TooFewPlanes, RankDefect, NoConvergence
         Where the flight does not determine the boresight.
     """
-    of_trajectory = by_name(scenario).trajectory
+    of_trajectory = scenarios.by_name(scenario).trajectory
     _require_word("planes", planes, PLANES)
     if lever_arm and not of_trajectory:
         raise BadInput(f"lever arm: scenario {scenario} holds it; estimate it by scenario D")
@@ -184,7 +184,7 @@ def calibrate_flight(
             f"{len(set(tie_planes.strips))} strips do not show it, {ENOUGH_STRIPS} would."
         )
     remarks += [*_constants(result), *implausible(result)]
-    checks = model_checks(result, survey, found.boresights[-1])
+    checks = model_checks(result, survey, _by_sl(survey, tie_planes, found.boresights[-1]))
     progress(f"distances of {len(pairs)} pairs of strips")
     adjust = None if result.trajectory is None else result.trajectory.apply
     distances = pair_distances(points, pairs, survey.mounting, result.calibrated, adjust)
@@ -199,6 +199,14 @@ def calibrate_flight(
         survey, kind, result, tie_planes, rejected, found.boresights, distances, tuple(remarks),
         checks, checked,
     )  # fmt: skip
+
+
+def _by_sl(survey: Survey, tie_planes: TiePlanes, near: np.ndarray) -> np.ndarray | None:
+    """Boresight (3,) rad of scenario SL from the same planes, or None where it has none."""
+    try:
+        return scenarios.calibrate(survey, tie_planes.uncontrolled(), "SL", near).boresight
+    except (RankDefect, NoConvergence, TooFewPlanes):
+        return None
 
 
 def _controlled(
@@ -306,7 +314,7 @@ def _adjust(
     """``scenario`` on ``tie_planes`` from ``near`` (3,) rad, and the faces that it kept; D under
     the noise in the data. What it says of before is under the survey's own mounting."""
     found, start = None, replace(survey, mounting=survey.mounting.with_calibration(near))
-    if by_name(scenario).trajectory:
+    if scenarios.by_name(scenario).trajectory:
         enough = len(set(tie_planes.strips)) >= ENOUGH_STRIPS
         found = find_noise(start, tie_planes, near, enough)
     result = calibrate(start, tie_planes, scenario, found=found, lever_arm=lever_arm)

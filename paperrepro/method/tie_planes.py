@@ -117,9 +117,9 @@ class TiePlanes:
         return face_states(mounting.pointed(self.rays), ranges, unknowns, unknowns.start())
 
     def unevenness(self, mounting: Mounting, scanner: Scanner) -> np.ndarray:
-        """(F,) RMS of what is no noise of the laser in the points of each face about its own plane,
-        in units of that noise, which is as specified but for a factor: that of the median face. At
-        least what chance makes of so many points."""
+        """(F,) how far each face departs from its plane beyond the noise of the laser, in units of
+        the RMS of all; that noise is as specified but for a factor, the median face's. What chance
+        makes of so many points, three standard deviations of it, makes no face uneven."""
         faces, rays = self.states(mounting), self.rays
         count = np.diff(self.ranges, axis=1)[:, 0]
         sight = georeference(rays, mounting) - rays.pose[:, :3]
@@ -129,7 +129,8 @@ class TiePlanes:
         across = np.square(distance * scanner.angle_sigma) * (1 - along)
         noise = np.add.reduceat(along * scanner.range_sigma**2 + across, self.ranges[:, 0]) / count
         ratio = np.square(faces.rms) / noise
-        return np.sqrt(np.maximum(ratio / np.median(ratio) - 1, np.sqrt(2 / count)))
+        beyond = np.maximum(ratio / np.median(ratio) - 1, 3 * np.sqrt(2 / count))
+        return np.sqrt(beyond / beyond.mean())
 
     def subset(self, keep: np.ndarray) -> "TiePlanes":
         """Without the faces where ``keep`` (F,) is False, and the planes that one face is left of,

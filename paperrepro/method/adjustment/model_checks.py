@@ -140,7 +140,8 @@ def _components(result: CalibrationResult) -> Iterator[Check]:
         yield Check(
             f"fast_{name}", found[f"{name}_fast"], 0.0, FAST,
             f"Errors of {words} that last about a second have {found[f'{name}_fast']:.2f} of the "
-            "specified sigma: look for vibration that the GNSS/INS does not report.",
+            "specified sigma: look for vibration that the GNSS/INS does not report, or faces that "
+            "are no planes.",
         )  # fmt: skip
         yield Check(
             f"specified_{name}", found[name], BELOW, np.inf,

@@ -26,6 +26,7 @@ from paperrepro.method.adjustment.trajectory_components import (
     sigma_of_group,
 )
 from paperrepro.method.adjustment.trajectory_equations import (
+    LEAST_SIGMA,
     Beams,
     Clock,
     GaussMarkov,
@@ -62,7 +63,8 @@ NOISE_PLANES, NOISE_POINTS = 30, 150
 def specified_process(navigation: Navigation) -> GaussMarkov:
     """The Gauss-Markov process that a GNSS/INS specification describes."""
     sigma = np.concatenate([navigation.position_sigma, navigation.attitude_sigma])
-    return GaussMarkov(sigma, np.full(6, navigation.correlation_time), navigation.profile)
+    times = np.full(6, navigation.correlation_time)
+    return GaussMarkov(np.maximum(sigma, LEAST_SIGMA), times, navigation.profile)
 
 
 def specified_noise(navigation: Navigation) -> Noise:
@@ -276,7 +278,8 @@ def _result(
     require_determined(observability)
     if found is not None:
         Q[:3, :3] += found.open
-    sigma = np.sqrt(sum(np.square(process.sigma[3:]) for process in noise.processes))
+    of_pose = [noise.constant, *(process.sigma for process in noise.processes)]
+    sigma = np.linalg.norm(of_pose, axis=0)[3:]
     observability = observability.under(np.sqrt(np.diag(Q)[:3]), sigma)
     planes, Q_planes = _planes_in_map(model, state, step.of_planes())
     chi2 = solution.data.chi2 + prior_chi2(model, noise, state)
