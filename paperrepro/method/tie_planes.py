@@ -11,6 +11,8 @@ from paperrepro.survey import Mounting, Rays, Scanner
 
 #: Planes needed for three angles and a check; the paper asks four of the refinement, section 2.2.5.
 LEAST_PLANES = 4
+#: No scanner is taken for better than this share of its specification: three points always are.
+LEAST_NOISE = 0.25
 
 
 @dataclass(frozen=True)
@@ -129,7 +131,8 @@ class TiePlanes:
         across = np.square(distance * scanner.angle_sigma) * (1 - along)
         noise = np.add.reduceat(along * scanner.range_sigma**2 + across, self.ranges[:, 0]) / count
         ratio = np.square(faces.rms) / noise
-        beyond = np.maximum(ratio / np.median(ratio) - 1, 3 * np.sqrt(2 / count))
+        typical = max(np.median(ratio), LEAST_NOISE**2)
+        beyond = np.maximum(ratio / typical - 1, 3 * np.sqrt(2 / count))
         return np.sqrt(beyond / beyond.mean())
 
     def subset(self, keep: np.ndarray) -> "TiePlanes":

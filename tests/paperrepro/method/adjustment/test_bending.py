@@ -78,3 +78,34 @@ def test_planes_through_control_points_are_left_as_they_are():
     same = even.rays.rho == tie_planes.rays.rho
     assert same[first:last].all()
     assert not same[last:].any()
+
+
+def with_folds(tie_planes, truth, share, depth):
+    """Every ``share``-th plane a ridge, ``depth`` m high, and which planes these are."""
+    rays = tie_planes.rays
+    p_m, rho = georeference(rays, truth), rays.rho.copy()
+    folded = np.arange(tie_planes.n_planes) % share == 0
+    for first, last in tie_planes.plane_ranges[folded]:
+        plane = _Plane.through(p_m[first:last])
+        at, _, sight = plane.seen(p_m[first:last], rays.pose[first:last, :3])
+        rho[first:last] += depth * np.abs(at[:, 0]) / sight
+    return replace(tie_planes, rays=replace(rays, rho=rho)), folded
+
+
+def test_few_folds_among_planes_are_uneven_and_taken_off():
+    flat, truth = flown(4, scale=2.0, count=300)
+    tie_planes, folded = with_folds(flat, truth, 6, 0.15)
+    uneven = tie_planes.unevenness(truth, SCANNER)
+    assert np.square(uneven).mean() == pytest.approx(1.0)
+    of_folds = folded[tie_planes.plane]
+    assert uneven[of_folds].mean() > 3 * uneven[~of_folds].mean()
+    even, sigma = without_bends(tie_planes, SCANNER, truth)
+    assert sigma > 0
+    moved = np.abs(even.rays.rho - tie_planes.rays.rho)
+    on_fold = folded[tie_planes.plane_of_point]
+    assert moved[on_fold].mean() > 10 * moved[~on_fold].mean()
+
+
+def test_faces_of_three_points_are_all_as_even():
+    few = flown(1)[0].thinned(3)
+    np.testing.assert_allclose(few.unevenness(flown(1)[1], SCANNER), 1.0)

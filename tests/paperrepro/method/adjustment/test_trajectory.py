@@ -507,3 +507,23 @@ def test_rays_without_times_are_refused():
     tie_planes, _, _ = matched_faces()
     with pytest.raises(BadInput, match="times"):
         calibrate_with_trajectory(survey_of(), tie_planes)
+
+
+def test_a_specification_of_no_error_at_all_is_no_obstacle():
+    tie_planes, truth = flown(2, scale=0.0, count=80)
+    survey = survey_of()
+    exact = replace(NAVIGATION, position_sigma=np.zeros(3), attitude_sigma=np.zeros(3))
+    survey = replace(survey, navigation=exact)
+    found = find_noise(survey, tie_planes, truth.boresight)
+    result = calibrate_with_trajectory(survey, tie_planes, found=found, near=truth.boresight)
+    assert nees(result, truth) < 16.3  # once in a thousand
+
+
+def test_a_constant_is_part_of_what_a_pose_has():
+    """Else an angle known as well as a pose were called undetermined by too few lines."""
+    tie_planes, truth = flown(1, scale=0.2, count=80)
+    found = find_noise(survey_of(), tie_planes, truth.boresight)
+    result = calibrate_with_trajectory(survey_of(), tie_planes, found=found, near=truth.boresight)
+    assert result.trajectory.constant_sigma[3] > 0.5 * NAVIGATION.attitude_sigma[0]
+    assert result.observability.attitude_sigma[0] > result.trajectory.constant_sigma[3]
+    assert not result.observability.undetermined
