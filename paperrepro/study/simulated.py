@@ -310,7 +310,7 @@ def measure(
         add_first_steps(rows, flown)
         add_few_planes(rows, flown)
     if what.accuracy:
-        _add_accuracy(rows, flown, mountings)
+        _add_accuracy(rows, flown, mountings, results.get("D"))
     return rows.made
 
 
@@ -435,15 +435,24 @@ def _add_lever_arm(rows: SurveyRows, flown: SimulatedSurvey) -> None:
             rows.add(LEVER_ARM, f"error_{axis}", pair[0], "m", pair[1])
 
 
-def _add_accuracy(rows: SurveyRows, flown: SimulatedSurvey, mountings: dict[str, Mounting]) -> None:
-    """RMSE, distributions and vertical offsets of every mounting, by truth and by the reference."""
+def _add_accuracy(
+    rows: SurveyRows, flown: SimulatedSurvey, mountings: dict[str, Mounting],
+    of_d: CalibrationResult | None,
+) -> None:  # fmt: skip
+    """RMSE, distributions and vertical offsets of every mounting, by truth and by the reference;
+    and of D's with its trajectory."""
     found = flown.found
     reference = reference_planes(found, reference_roofs(flown.survey.reference))
     references = {"truth": ReferencePlanes(flown.true_planes), "reference": reference}
-    for name, mounting in mountings.items():
-        corners = virtual_points(found, mounting)
+    cases = [(name, mounting, found) for name, mounting in mountings.items()]
+    if of_d is not None:
+        rays = of_d.trajectory.apply(found.tie_planes.rays)
+        adjusted = replace(found, tie_planes=replace(found.tie_planes, rays=rays))
+        cases.append((ADJUSTED, of_d.calibrated, adjusted))
+    for name, mounting, seen in cases:
+        corners = virtual_points(seen, mounting)
         for against, reference in references.items():
-            distances = point_to_plane(found.tie_planes, mounting, reference)
+            distances = point_to_plane(seen.tie_planes, mounting, reference)
             offsets = vertical_offsets(corners, reference)
             for metric, unit, value in _accuracy(distances, offsets):
                 rows.add(name, f"{metric}_{against}", value, unit)

@@ -15,7 +15,7 @@ from scipy import stats
 from paperrepro.frames import ANGLES
 from paperrepro.method.accuracy import rmse
 from paperrepro.method.adjustment.calibrate import SCENARIO_NAMES
-from paperrepro.study.rows import ARTEFACT, BOUND, COLUMNS, FAILED, FEW, SPECIFIED
+from paperrepro.study.rows import ADJUSTED, ARTEFACT, BOUND, COLUMNS, FAILED, FEW, SPECIFIED
 
 #: Fewer surveys of a setting than this support no verdict, nor do fewer that gave a result.
 LEAST_SEEDS, LEAST_RESULTS = 20, 15
@@ -189,7 +189,9 @@ def nine_in_ten(
     rows = rows[(rows.metric == metric) & (rows.noise_scale == noise_scale)]
     if rows.empty:
         return {}
-    called = {f"{name}{ending}": x for x, name in FEW.items()} | {n: n for n in ("before", "D")}
+    called = {f"{name}{ending}": x for x, name in FEW.items()} | {
+        name: name for name in ("before", "D", ADJUSTED)
+    }
     spans = rows.groupby("scenario").value.quantile([0.05, 0.95]).unstack()
     return {called[name]: tuple(span) for name, *span in spans.itertuples() if name in called}
 

@@ -11,6 +11,7 @@ from paperrepro.frames import ANGLES
 from paperrepro.paper import claims
 from paperrepro.study import statistics
 from paperrepro.study.rows import (
+    ADJUSTED,
     BY_FOUR,
     FEW,
     PER_PAIR,
@@ -67,6 +68,8 @@ def test_one_survey_measured_has_all_that_the_ledger_asks_for(flown, monkeypatch
     rows = frame(measure(flown, Measured(mistaken=MISTAKEN, found=True, between=True)))
     assert not rows.duplicated(["scenario", "metric"]).any()
     assert np.isfinite(rows.value).all()
+    of_true_planes = rows[rows.metric == "rmse_truth"].set_index("scenario").value
+    assert of_true_planes[ADJUSTED] < of_true_planes["D"] < of_true_planes["before"]
     monkeypatch.setattr(statistics, "LEAST_SEEDS", 1)
     ledger = claims.ledger(rows)
     # what asks for other surveys, and for the time of a stage that is kept here
