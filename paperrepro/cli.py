@@ -27,6 +27,8 @@ SITE = -25.754444, -49.394167, 900.0
 #: Where `study` leaves its rows: the ledger reads them there.
 STUDY = Path("figures/study.csv")
 _LISTED = 20
+#: Options that name a file, beside the strips.
+_FILES = "trajectory", "mounting", "calibration", "checkpoints", "control", "accuracy", "site"
 _EXAMPLE = "F*.laz --trajectory mission.sbet --mounting mounting.toml"
 _STOPS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
@@ -45,7 +47,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.environ.setdefault("OPEN3D_DISABLE_WEB_VISUALIZER", "true")  # no web server
         if options.quiet:
             os.environ["TQDM_DISABLE"] = "1"  # no bar
+        _require_files(options)
         with _signals(_end_at_once):  # nothing has been begun
+            if options.needs and not options.quiet:
+                print(f"{options.run.__name__.strip('_')}: loading libraries", flush=True)
             for module in options.needs:
                 importlib.import_module(module, "paperrepro")
         with _signals(signal.default_int_handler):
@@ -68,6 +73,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if verbose:
             raise
         return _told(pr.study.environment.fault(error, arguments or sys.argv[1:]), 1)
+
+
+def _require_files(options: argparse.Namespace) -> None:
+    """Raise `BadInput` where a file is not there, before libraries take their seconds."""
+    given = [*getattr(options, "strips", ()), *(getattr(options, name, None) for name in _FILES)]
+    for path in given:
+        if path is not None and not path.exists():
+            raise BadInput(f"{path}: no such file; give one that is there")
 
 
 def _told(words: str, code: int) -> int:
@@ -208,9 +221,6 @@ def _steps(options: argparse.Namespace):
 
     lines = options.verbose or not sys.stderr.isatty()
     return Steps(len(options.strips) + _USUAL_STEPS, lines, options.quiet)
-
-
-# The commands, in the order of work
 
 
 def _reproduce_options(commands) -> None:
@@ -468,7 +478,7 @@ def _study(options: argparse.Namespace) -> int:
 
 def _cache_options(commands) -> None:
     words = "how much is kept of surveys and roofs so as not to be computed again"
-    command = _command(commands, _cache, words, "--clear", "._cache")
+    command = _command(commands, _cache, words, "--clear", "")
     command.add_argument("--clear", action="store_true", help="remove it")
 
 

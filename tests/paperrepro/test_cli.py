@@ -73,7 +73,7 @@ def test_help_shows_the_commands_and_an_example_of_each_in_the_order_of_work(cap
         (["reproduce", "--jobs", "0"], "--jobs: expected at least 1"),
         (["simulate", "--out", "/dev/null/x"], "/dev/null/x: cannot be written"),
         (
-            ["calibrate", "F1.laz", "--mounting", "m.toml", "--out", "x", "--set", "angle=2"],
+            ["calibrate", __file__, "--mounting", __file__, "--out", "x", "--set", "angle=2"],
             "'angle'",
         ),
         (["reproduce", "--out", "/dev/null/x"], "/dev/null/x: cannot be written"),
@@ -182,3 +182,23 @@ def test_a_reader_that_goes_away_is_no_error():
     command = f"{sys.executable} -m paperrepro study --help | true"
     done = subprocess.run(command, shell=True, capture_output=True, text=True)
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("strip", "out", "err"),
+    [
+        ("none.laz", "", "paperrepro: none.laz: no such file; give one that is there\n"),
+        (__file__, "calibrate: loading libraries\n", "a library\n"),
+    ],
+)
+def test_before_libraries_are_loaded(strip, out, err):
+    """A missing file is told, or what is to be done."""
+    code = """
+import sys
+from paperrepro import cli
+cli.importlib.import_module = lambda *_: sys.exit("a library")
+sys.exit(cli.main(sys.argv[1:]))
+"""
+    more = ["calibrate", strip, "--mounting", __file__, "--out", "x"]
+    ended = subprocess.run([sys.executable, "-c", code, *more], capture_output=True, text=True)
+    assert (ended.stdout, ended.stderr) == (out, err)
