@@ -122,8 +122,8 @@ def read_records(path: Path, columns: int, kind: str) -> np.ndarray:
     if size % record or size < 2 * record:
         raise BadInput(
             f"{path}: expected {kind} records of {record} bytes, got {size} bytes, "
-            f"{size // record} records and {size % record} bytes more; the file is cut off or of "
-            "another kind: export or copy it again"
+            f"{size // record} records and {size % record} bytes more; the file is cut off: copy "
+            f"it again; or of another kind, such as a RIEGL POF: export {kind} or text"
         )
     table = np.fromfile(path, "<f8").reshape(-1, columns)
     finite = np.isfinite(table[:, :10]).all(axis=1)

@@ -3,12 +3,11 @@
 Text is what post-processors export: POSPac (a preamble, names between commas, a line of units,
 values between blanks), Inertial Explorer (a header, names, units, values), or any table whose head
 line names time, place and attitude. Where there is no head line the columns are named by the
-caller. Latitude and longitude go before map coordinates, which are those of the strips' reference
-system. Units stand in a name (``roll_rad``), behind it (``Roll (deg)``) or in a line of their own;
-else the size of the angles tells them. What is read wrong all the same, the rays tell, as of an
-SBET (`consistency`).
-Sources: Applanix, POSPac MMS user guide, export of ASCII; NovAtel, Inertial Explorer user manual,
-export profiles.
+caller. Latitude and longitude (in degrees, radians, or whole degrees, minutes and seconds) go
+before map coordinates, which are those of the strips' reference system. Units stand in a name
+(``roll_rad``), behind it (``Roll (deg)``) or in a line of their own; else the size of the angles
+tells them. What is read wrong all the same, the rays tell, as of an SBET (`consistency`).
+Inertial Explorer's profiles are the user's own: names, order and units are read, not expected.
 """
 
 import re
@@ -40,18 +39,12 @@ LARGEST_CHANGE = 10.0
 #: Lines in which the head of a table is sought.
 HEAD = 200
 TIMES = (
-    "time",
-    "gpstime",
-    "sow",
-    "tow",
-    "gpssow",
-    "gpstow",
-    "secondsofweek",
-    "gpsseconds",
-    "timesec",
-)
+    "time", "gpstime", "sow", "tow", "gpssow", "gpstow", "secondsofweek", "gpsseconds", "timesec",
+)  # fmt: skip
 #: What a comment begins with.
 COMMENT = "#%;*!/"
+#: Ends of the names of two columns that follow degrees, where these are whole.
+SIXTIETHS = " minutes", " seconds"
 UNITS = {"deg", "degs", "degree", "degrees", "rad", "rads", "radian", "radians"}
 
 
@@ -169,6 +162,11 @@ class _Text:
     def of(cls, file: TrajectoryFile, head: list[str]) -> "_Text":
         path = file.path
         first = next((k for k, line in enumerate(head) if _is_values(line)), None)
+        if first is None and any(map(_IN_ONE_FIELD.search, head)):
+            raise BadInput(
+                f"{path}: degrees, minutes and seconds stand in one field; export decimal degrees, "
+                "or the three with blanks between them"
+            )
         if first is None:
             raise BadInput(
                 f"{path}: expected an SBET or lines of numbers, none of the first {len(head)} "
@@ -176,8 +174,9 @@ class _Text:
             )
         separator = _separator(head[first])
         count = len(_split(head[first], separator))
-        names = _split(file.columns, ",") if file.columns else _named(head[:first], count)
-        if names is None or len(names) != count:
+        named = _split(file.columns, ",") if file.columns else _named(head[:first], count)
+        names = _with_sixtieths(named or [], count)
+        if len(names) != count:
             named = f"{len(names)} are named" if names else "no line above names them"
             raise BadInput(
                 f"{path}, line {first + 1}: {count} columns, {named}; name all with --columns, as "
@@ -196,8 +195,12 @@ class _Text:
                 "longitude, height (or x, y, z) and roll, pitch, heading, got "
                 f"{', '.join(self.names)}; name them with --columns"
             )
-        values = self._values([time, *found.position, *found.attitude])
-        attitude = values[:, 4:] * self._unit(found, values)
+        sixtieths = [k + end for k in found.position for end in SIXTIETHS if k + end in self.names]
+        values = self._values([time, *found.position, *found.attitude, *sixtieths])
+        if sixtieths:
+            parts = values[:, 7:].reshape(-1, 2, 2) @ [1 / 60, 1 / 3600]
+            values[:, 1:3] += np.copysign(parts, values[:, 1:3])
+        attitude = values[:, 4:7] * self._unit(found, values)
         if found.geodetic:
             latitude, longitude = (values[:, 1:3] * self._unit_of_place(found, values)).T
             height = values[:, 3]
@@ -211,18 +214,22 @@ class _Text:
         return table
 
     def _values(self, names: list[str]) -> np.ndarray:
-        """(M, 7) numbers of the columns. Raises `BadInput` for a line that holds none."""
+        """(M, n) numbers of the columns. Raises `BadInput` for a line that holds none."""
         index = [self.names.index(name) for name in names]
+        whole = [k for k, name in zip(index, names, strict=True) if name + SIXTIETHS[0] in names]
         try:
             table = pd.read_csv(
                 self.file.path, sep=self.separator or r"\s+", header=None, usecols=index,
                 skiprows=self.first, skip_blank_lines=False, decimal="," if self.comma else ".",
-                encoding_errors="replace", low_memory=False,
+                encoding_errors="replace", low_memory=False, dtype=dict.fromkeys(whole, str),
             )  # fmt: skip
         except (ValueError, OSError) as error:  # pandas' own errors are ValueErrors
             why = str(error).splitlines()[0]
             raise BadInput(f"{self.file.path}: expected a table, {why}; export it") from error
         values = table[index].apply(pd.to_numeric, errors="coerce").to_numpy(float)
+        for k in whole:  # of -0 degrees the sign would be lost
+            west = table[k].astype(str).str.startswith("-")
+            values[west, index.index(k)] = np.copysign(values[west, index.index(k)], -1.0)
         bad = ~np.isfinite(values).all(axis=1)
         empty = table.isna().all(axis=1) | table.iloc[:, 0].astype(str).str[0].isin(list(COMMENT))
         values, bad, line = values[~empty], bad[~empty], np.flatnonzero(~empty) + self.first + 1
@@ -253,6 +260,20 @@ class _Text:
         return DEGREE if (largest > [np.pi / 2, np.pi]).any() else 1.0
 
 
+#: Such as 51°12'33.4" and 51:12:33.4; a time of day stands in few lines.
+_IN_ONE_FIELD = re.compile(r"\d\s*[°:d]\s*\d+\s*['′:m]\s*\d+.*\d\s*[°:d]\s*\d+\s*['′:m]\s*\d+")
+
+
+def _with_sixtieths(names: list[str], count: int) -> list[str]:
+    """Names of all ``count`` columns where latitude and longitude have minutes and seconds behind
+    them that are not named, else as they are."""
+    if len(names) + 4 != count:
+        return names
+    angles = [plain(name).startswith(("lat", "lon")) for name in names]
+    return [n + end for n, angle in zip(names, angles, strict=True)
+            for end in ("", *SIXTIETHS)[: 3 if angle else 1]]  # fmt: skip
+
+
 def _named(above: list[str], count: int) -> list[str] | None:
     """Names of ``count`` columns from the lines above the values: the last that names an attitude,
     with units that the line below has; None where there is none."""
@@ -262,9 +283,9 @@ def _named(above: list[str], count: int) -> list[str] | None:
             continue
         for separator in dict.fromkeys((_separator(words), None)):
             names = [_with_unit(name) for name in _split(words, separator) if name]
-            if len(names) == count:
+            if len(_with_sixtieths(names, count)) == count:
                 below = [_units(line) for line in above[k + 1 :]]
-                units = next((u for u in below if len(u) == count), [""] * count)
+                units = next((u for u in below if len(u) == len(names)), [""] * len(names))
                 return [name + (unit if unit in UNITS else "") for name, unit in
                         zip(names, units, strict=True)]  # fmt: skip
     return None

@@ -5,6 +5,7 @@ import pytest
 
 from paperrepro.cli import main
 from paperrepro.errors import BadInput
+from paperrepro.flight.trajectory_file import TrajectoryFile
 
 EVERY = 4  # of the SBET's records: text is slow to write
 
@@ -66,7 +67,27 @@ def comma_separated(values, xyz):
     return "\r\n".join([head, *lines(whole, ",", (6, 4, 4, 4, 9, 9, 9))])
 
 
-LAYOUTS = {"POSPac": pospac, "Inertial Explorer": inertial_explorer, "table": comma_separated}
+def sixtieths(values, xyz):
+    """As Inertial Explorer, latitude and longitude in degrees, minutes and seconds."""
+    rows = [
+        f"2300 {time:.6f} {dms(lat)} {dms(lon)} " + " ".join(f"{v:.7f}" for v in rest)
+        for time, lat, lon, *rest in values
+    ]
+    head = "  Week   GPSTime   Latitude   Longitude   H-Ell   Roll   Pitch  Heading"
+    units = "  (weeks)  (sec)   (+/-D M S)  (+/-D M S)  (m)  (deg)  (deg)  (deg)"
+    return "\n".join(["Project:  farm", "", head, units, *rows])
+
+
+def dms(angle):
+    degrees, rest = divmod(abs(angle), 1)
+    minutes, rest = divmod(60 * rest, 1)
+    return f"{'-' if angle < 0 else ''}{degrees:.0f} {minutes:02.0f} {60 * rest:.7f}"
+
+
+LAYOUTS = {
+    "POSPac": pospac, "Inertial Explorer": inertial_explorer, "table": comma_separated,
+    "degrees, minutes, seconds": sixtieths,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -128,3 +149,29 @@ def test_strips_are_written_under_a_text_as_under_the_sbet(flown, tmp_path):
     written.sbet.write_text(pospac(values, xyz))
     assert main(written.arguments(tmp_path / "out")) == 0
     assert len(list((tmp_path / "out").glob("*.laz"))) == len(written.strips)
+
+
+def test_the_sign_of_no_degrees_is_kept(tmp_path):
+    path = tmp_path / "london.txt"
+    pose = "30.0 0.1 0.2 350.0"
+    path.write_text(
+        "time lat lon height roll pitch heading\n"
+        f"1.0 51 28 30.0 -0 12 36.0 {pose}\n2.0 51 28 30.0 0 12 36.0 {pose}\n"
+    )
+    records = TrajectoryFile(path).records()
+    np.testing.assert_allclose(np.degrees(records[:, 1]), 51.475)
+    np.testing.assert_allclose(np.degrees(records[:, 2]), [-0.21, 0.21])
+
+
+def test_degrees_minutes_and_seconds_in_one_field_are_refused(tmp_path):
+    path = tmp_path / "london.txt"
+    path.write_text("time lat lon h roll pitch heading\n1.0 51:28:30.0 -0:12:36.0 30 0.1 0.2 350\n")
+    with pytest.raises(BadInput, match=r"london.txt: degrees, minutes and seconds .* decimal"):
+        TrajectoryFile(path).records()
+
+
+def test_records_of_another_format_are_refused(tmp_path):
+    path = tmp_path / "mission.pof"
+    path.write_bytes(bytes(range(256)) * 10)
+    with pytest.raises(BadInput, match=r"mission.pof: .*RIEGL POF: export SBET or text"):
+        TrajectoryFile(path).records()
