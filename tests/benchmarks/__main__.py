@@ -19,7 +19,7 @@ import pandas as pd
 import psutil
 
 from paperrepro.figures import save, study, use_style
-from tests.benchmarks import commands, rigid_icp, stages, whole
+from tests.benchmarks import commands, flight_time, rigid_icp, stages, whole
 from tests.benchmarks.clock import Row
 from tests.benchmarks.inputs import EVERY, Inputs
 from tests.benchmarks.targets import judged
@@ -56,6 +56,14 @@ def rows_of_whole(every: int, sparsest: bool) -> Iterator[dict]:
         yield {"stage": "compiling", "seconds": sum(first.values()) - total, **told}
 
 
+def rows_of_villages() -> Iterator[dict]:
+    """Scenario D on villages of more and more roofs, flown for as much longer."""
+    for size in flight_time.VILLAGES:
+        found = flight_time.in_a_process(*size)
+        yield {"stage": f"village, {found['roofs']} roofs", "points": found["points"],
+               "seconds": found["seconds"], "memory_gib": found["memory"] / 2**30}  # fmt: skip
+
+
 def measure(
     densities: list[int], with_whole: bool, with_commands: bool, icp: Path | None = None
 ) -> pd.DataFrame:
@@ -76,6 +84,9 @@ def measure(
         if with_whole:
             for row in rows_of_whole(every, sparsest):
                 add(row)
+    if with_whole:
+        for row in rows_of_villages():
+            add(row)
     if icp is not None:
         for row in rigid_icp.strips_together(Inputs.of(16).survey, 16, icp):
             add(row.as_dict())

@@ -1,8 +1,16 @@
-"""Longer flights for scenario D: the same lines flown again, later, and larger villages."""
+"""Longer flights for scenario D: the same lines flown again, later, and larger villages, each in a
+process of its own: ``python -m tests.benchmarks.flight_time ROWS COLUMNS`` prints JSON.
+"""
 
+import json
+import resource
+import subprocess
+import sys
+import time
 from dataclasses import replace
 
 import numpy as np
+import psutil
 
 from data_synth.farm import SITES_PER_SHED, Layout
 from data_synth.flight import HALF_SWATH, FlightLine, covering, flight_plan, fly
@@ -101,3 +109,32 @@ def _views(rng, planes, centres, line: FlightLine, motion: Motion, truth: Mounti
     elevation, on = SCANNER.beam_elevations[ring], np.repeat(planes[seen], count, axis=0)
     rays = Rays(pose, ring, azimuth, elevation, np.zeros(len(time)), time)
     return seen, reaching(on, rays, truth)
+
+
+#: Rows and columns of building sites, four of five with a gable roof: 24 to 500 roofs.
+VILLAGES = ((5, 6), (6, 10), (10, 12), (15, 16), (25, 25))
+
+
+def run(rows: int, columns: int) -> dict:
+    """Scenario D on a `village`: roofs, s of flight, points, CPU s, bytes beyond the input's."""
+    solve(*village(2, 3), np.zeros(3))  # compiles
+    survey, tie_planes = village(rows, columns)
+    before, start = psutil.Process().memory_info().rss, time.process_time()
+    solve(survey, tie_planes, np.zeros(3))
+    seconds, most = time.process_time() - start, 1024 * resource.getrusage(0).ru_maxrss
+    flown = float(survey.trajectory.time[-1] - survey.trajectory.time[0])
+    return {
+        "roofs": tie_planes.n_planes // 2, "flown": flown, "points": len(tie_planes.rays),
+        "seconds": seconds, "memory": most - before,
+    }  # fmt: skip
+
+
+def in_a_process(rows: int, columns: int) -> dict:
+    """What `run` gives in a new process."""
+    command = [sys.executable, "-m", "tests.benchmarks.flight_time", str(rows), str(columns)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+if __name__ == "__main__":
+    print(json.dumps(run(*map(int, sys.argv[1:]))))

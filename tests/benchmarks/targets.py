@@ -62,9 +62,14 @@ def _greatest_growth(rows: pd.DataFrame) -> float:
     return max(_growth(stage)(rows) for stage in OF_A_STRIP)
 
 
-def _growth_of_d(rows: pd.DataFrame) -> float:
-    chosen = rows[rows.stage.str.startswith("D, ")]
-    return exponent(chosen.points.to_numpy(float), chosen.seconds.to_numpy())
+def _growth_of(begin: str, column: str = "seconds"):
+    """With points, of all stages whose names begin so."""
+
+    def measured(rows: pd.DataFrame) -> float:
+        chosen = rows[rows.stage.str.startswith(begin)].reindex(columns=["points", column])
+        return exponent(chosen.points.to_numpy(float), chosen[column].to_numpy())
+
+    return measured
 
 
 def _greatest_over_icp(rows: pd.DataFrame) -> float:
@@ -91,7 +96,9 @@ TARGETS = (
         )
     ),
     Target("distance between strips / simpleicp", 1.0, _greatest_over_icp),
-    Target("D, exponent in flight time", 1.05, _growth_of_d),
+    Target("D, exponent in flight time", 1.05, _growth_of("D, ")),
+    Target("D, exponent in a village's points", 1.15, _growth_of("village")),
+    Target("D, memory, the same", 1.1, _growth_of("village", "memory_gib")),
     Target("stages of a strip, exponent", 1.05, _greatest_growth),
     Target("whole method, exponent in points", 1.05, _growth("whole method")),
     Target("whole method, memory, GiB", 4.0, _of("memory_gib", "whole method")),

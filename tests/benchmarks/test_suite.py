@@ -109,6 +109,8 @@ def table(seconds=1.0):
             found = row(stage, *given, peer, theirs, agreement=agreement)
             rows.append({**found.as_dict(), "memory_gib": 2.0})
         rows.append({**row(f"D, {16 // every} x", *given).as_dict(), "memory_gib": np.nan})
+        village = row(f"village, {16 // every} roofs", *given).as_dict()
+        rows.append({**village, "memory_gib": points**1.2})
     return pd.DataFrame(rows)
 
 
@@ -119,6 +121,8 @@ def test_every_target_is_judged_by_its_rows():
     assert slow["outliers / Open3D"] == "yes"
     assert slow["simulate, points/s"] == "yes"
     assert slow["ground, s"] == "no"
+    assert slow["D, exponent in a village's points"] == "yes"
+    assert slow["D, memory, the same"] == "no"
     assert judged(table(1e3)).set_index("target").met["simulate, points/s"] == "no"
     none = judged(table().iloc[:0]).met
     assert (none == "not measured").all()
@@ -177,3 +181,6 @@ def test_a_village_is_flown_as_far_as_it_reaches():
     result = flight_time.solve(survey, tie_planes, np.zeros(3))
     assert tie_planes.n_planes == 2 * Layout(5, 6).n_gable
     assert (np.abs(result.boresight) < 4 * result.sigma).all()
+    found = flight_time.in_a_process(2, 3)
+    assert found["roofs"] == Layout(2, 3).n_gable
+    assert found["seconds"] > 0
