@@ -17,7 +17,6 @@ from data_synth.sensors import HALF_SWATH, MAX_RANGE
 from paperrepro.errors import BadInput
 
 HEIGHT, SPEED, LINE_LENGTH = 30.0, 4.5, 140.0
-SWATH = 2 * HEIGHT * np.tan(HALF_SWATH)
 #: Time at speed before and after each recorded line, and at either end of the mission, s.
 RUN_IN = 2.0
 #: The mission begins here, s; any GPS time would do.

@@ -86,8 +86,8 @@ class _Cloud:
 @dataclass(frozen=True)
 class _Views:
     """What one strip shows in C balls: ``points`` sorted by ball, those of ball ``c`` at
-    ``start[c]:start[c + 1]``, with ``normal`` (C, 3), ``centroid`` (C, 3), and which are planar
-    (C,)."""
+    ``start[c]:start[c + 1]``, with ``normal`` (C, 3), ``centroid`` (C, 3), ``rms`` (C,) m about
+    their planes, and which are ``planar`` (C,)."""
 
     points: np.ndarray
     start: np.ndarray
