@@ -15,13 +15,12 @@ import pandas as pd
 from paperrepro._files import written_whole
 from paperrepro.errors import BadInput
 from paperrepro.study.environment import temporary_files
+from paperrepro.study.kernel import kernel_for, stop_kernels
 from paperrepro.study.notebooks import (
     OUTPUT,
     NotebookFailed,
     as_page,
     declared,
-    execute,
-    kill_kernels,
 )
 from paperrepro.study.rows import FEW, read_study, write_csv
 from paperrepro.study.statistics import TooLittle, median_survey
@@ -166,9 +165,11 @@ def _run_all(
         except KeyboardInterrupt:
             pool.shutdown(wait=False, cancel_futures=True)
             while not all(future.done() for future in futures):
-                kill_kernels()
+                stop_kernels(str(draft))
                 time.sleep(0.1)
             raise
+        finally:
+            stop_kernels(str(draft))
 
 
 def in_order(notebooks: list[Path]) -> list[Path]:
@@ -181,7 +182,7 @@ def _run(notebook: Path, draft: Path, parameters: Mapping) -> float:
     start = time.perf_counter()
     hint = f"; the notebook as far as it ran is in the folder {EXECUTED}"
     executed = draft / EXECUTED / notebook.name
-    execute(notebook, executed, parameters, hint)
+    kernel_for(str(draft)).execute(notebook, executed, parameters, hint=hint)
     as_page(executed)
     return time.perf_counter() - start
 

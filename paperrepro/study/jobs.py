@@ -14,12 +14,15 @@ import nbformat
 from dask.distributed import get_worker
 
 from paperrepro.errors import PaperReproError
+from paperrepro.study.environment import KEEP_MEMORY, ONE_THREAD
 from paperrepro.study.grid import Fingerprint
 from paperrepro.study.kernel import kernel_for
 from paperrepro.study.notebooks import OUTPUT, NotebookFailed, shortened
 from paperrepro.study.rows import SurveyKey, frame
 
 _LONGEST_ERROR = 500
+#: Variables of kernels that work beside one another.
+OF_A_WORKER = ONE_THREAD | KEEP_MEMORY
 
 
 class OtherVersion(PaperReproError):
@@ -81,7 +84,7 @@ class NotebookJob(Job):
     def made(self, parameters: Mapping) -> tuple[str, str, str]:
         with tempfile.TemporaryDirectory(prefix="sweep-") as name:
             folder, target = Path(name), Path(name) / "executed.ipynb"
-            kernel, error = kernel_for(self.name, self.require_version), ""
+            kernel, error = kernel_for(self.name, self.require_version, OF_A_WORKER), ""
             book = nbformat.reads(self.notebook, as_version=4)
             try:
                 kernel.execute(book, target, {**parameters, OUTPUT: name}, _memory_limit())

@@ -1,7 +1,7 @@
 """A kernel that executes one notebook after another, so that packages are imported once.
 
 Each notebook finds an empty namespace, as in a new kernel. A kernel that a notebook failed in is
-not used again, nor one that another sweep started, whose code may be older.
+not used again, nor one that another run started, whose code may be older.
 """
 
 import asyncio
@@ -12,12 +12,12 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 
 import psutil
 from jupyter_core.utils import ensure_event_loop, run_sync
 from nbformat import NotebookNode
 
-from paperrepro.study.environment import KEEP_MEMORY, ONE_THREAD
 from paperrepro.study.notebooks import LocalKernelManager, execute
 
 _START_S = 120
@@ -44,24 +44,26 @@ class _Manager(LocalKernelManager):
 
 
 class Kernel:
-    """A running kernel with one thread for each of its libraries, for one ``sweep``."""
+    """A running kernel for one ``run``, a sweep for example; it has ``variables`` beside those of
+    this process."""
 
-    def __init__(self, sweep: str):
-        self.sweep = sweep
+    def __init__(self, run: str, variables: Mapping[str, str]):
+        self.run = run
         self.ended_for = ""
         self._manager = _Manager(kernel_name="python3")
         _loops.add(ensure_event_loop())
-        run_sync(self._manager.start_kernel)(env={**os.environ, **ONE_THREAD, **KEEP_MEMORY})
+        run_sync(self._manager.start_kernel)(env={**os.environ, **variables})
         _running.add(self)
 
     def execute(
-        self, notebook: NotebookNode, target: Path, parameters: Mapping, most: int | None = None
-    ) -> None:
+        self, notebook: Path | NotebookNode, target: Path, parameters: Mapping,
+        most: int | None = None, hint: str = "",
+    ) -> None:  # fmt: skip
         """As `paperrepro.study.notebooks.execute`; ends the kernel where that fails, or takes more
         than ``most`` bytes, which `ended_for` then says."""
         try:
             with self._bounded(most):
-                execute(notebook, target, parameters, km=self._manager, start_timeout=_START_S)
+                execute(notebook, target, parameters, self._manager, hint, start_timeout=_START_S)
                 run_sync(self._forget)()
         except BaseException:
             self.stop()
@@ -105,22 +107,25 @@ class Kernel:
             self._manager.cleanup_connection_file()
 
 
-def kernel_for(sweep: str, before_start: Callable[[], None]) -> Kernel:
-    """The kernel of this thread for ``sweep``; started anew, after ``before_start`` was called,
-    where there is none."""
+def kernel_for(
+    run: str, before_start: Callable[[], None] = lambda: None,
+    variables: Mapping[str, str] = MappingProxyType({}),
+) -> Kernel:  # fmt: skip
+    """The kernel of this thread for ``run``; started anew with ``variables``, after
+    ``before_start`` was called, where there is none."""
     kernel = getattr(_of_thread, "kernel", None)
-    if kernel is None or not kernel.runs or kernel.sweep != sweep:
+    if kernel is None or not kernel.runs or kernel.run != run:
         if kernel is not None:
             kernel.stop()
         before_start()
-        kernel = _of_thread.kernel = Kernel(sweep)
+        kernel = _of_thread.kernel = Kernel(run, variables)
     return kernel
 
 
-def stop_kernels(sweep: str | None = None) -> None:
-    """End the kernels of ``sweep``, or all, of this process."""
+def stop_kernels(run: str | None = None) -> None:
+    """End the kernels of ``run``, or all, of this process."""
     for kernel in list(_running):
-        if sweep in (None, kernel.sweep):
+        if run in (None, kernel.run):
             kernel.stop()
 
 

@@ -52,15 +52,8 @@ class Parameter:
         return f"{self.name}: {self.kind.__name__} = {self.default!r}"
 
 
-_managers: "weakref.WeakSet[LocalKernelManager]" = weakref.WeakSet()
-
-
 class LocalKernelManager(AsyncKernelManager):
     """Talks to the kernel through files of this user instead of network ports."""
-
-    def __init__(self, **kwargs):
-        super().__init__(**kwargs)
-        _managers.add(self)
 
     @default("transport")
     def _default_transport(self) -> str:
@@ -76,6 +69,12 @@ class LocalKernelManager(AsyncKernelManager):
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         return str(Path(folder) / "ipc")
 
+    def format_kernel_cmd(self, extra_arguments: list[str] | None = None) -> list[str]:
+        """Linux ends the kernel with the thread that started it, however that ends."""
+        command = super().format_kernel_cmd(extra_arguments)
+        tool = shutil.which("setpriv")
+        return [tool, "--pdeathsig", "KILL", *command] if tool else command
+
     async def _async_interrupt_kernel(self) -> None:
         """Not when it is asked to end anyway: a kernel that is about to be idle would report the
         interruption as an error."""
@@ -89,12 +88,6 @@ class LocalKernelManager(AsyncKernelManager):
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
-
-
-def kill_kernels() -> None:
-    """End the kernels of this process: what `execute` runs in other threads fails there."""
-    for manager in list(_managers):
-        manager.kill()
 
 
 def declared(notebook: Path) -> dict[str, Parameter]:
@@ -147,10 +140,10 @@ def without_outputs(notebook: Path) -> str:
 
 
 def execute(
-    notebook: Path | NotebookNode, target: Path, parameters: Mapping, hint: str = "", **engine
-) -> None:
-    """Run ``notebook`` with ``parameters`` into ``target``, on a kernel of its own or, as ``km``,
-    on one that is running.
+    notebook: Path | NotebookNode, target: Path, parameters: Mapping,
+    km: LocalKernelManager, hint: str = "", **engine,
+) -> None:  # fmt: skip
+    """Run ``notebook`` with ``parameters`` into ``target`` on the running kernel of ``km``.
 
     Raises `NotebookFailed`, which ends with ``hint``; ``target`` then holds it as far as it ran.
     """
@@ -158,13 +151,9 @@ def execute(
     source = notebook if isinstance(notebook, NotebookNode) else str(notebook)
     try:
         papermill.execute_notebook(
-            source,
-            str(target),
-            dict(parameters),
-            kernel_name="python3",
-            progress_bar=False,
-            **(engine or {"kernel_manager_class": LocalKernelManager}),
-        )
+            source, str(target), dict(parameters), kernel_name="python3", progress_bar=False,
+            km=km, **engine,
+        )  # fmt: skip
     except PapermillExecutionError as error:
         reason = f"{error.ename}: {error.evalue}"
         raise NotebookFailed(target.name, error.cell_index, reason, hint) from None

@@ -3,6 +3,7 @@
 import itertools
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -297,3 +298,27 @@ def test_a_study_that_is_ended_leaves_no_process_and_goes_on(tmp_path, how, mome
     assert code == (130 if how == signal.SIGTERM else -signal.SIGKILL)
     assert not (tmp_path / "study.csv").exists()
     assert not list(tmp_path.rglob("*.part"))
+
+
+@pytest.mark.skipif(not shutil.which("setpriv"), reason="needs setpriv of Linux")
+def test_a_kernel_ends_with_the_process_that_started_it():
+    """At once, even where that was killed and the kernel is still starting."""
+    code = """
+import os, signal
+from paperrepro.study.kernel import Kernel
+print(Kernel("one", {})._manager.provisioner.process.pid, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    started = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert started.returncode == -signal.SIGKILL
+    deadline = time.monotonic() + 0.5
+    while alive(int(started.stdout)):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def alive(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
