@@ -301,17 +301,19 @@ def test_a_study_that_is_ended_leaves_no_process_and_goes_on(tmp_path, how, mome
 
 
 @pytest.mark.skipif(not shutil.which("setpriv"), reason="needs setpriv of Linux")
-def test_a_kernel_ends_with_the_process_that_started_it():
-    """At once, even where that was killed and the kernel is still starting."""
-    code = """
+def test_a_kernel_ends_with_the_process_that_started_it(tmp_path):
+    """At once, even where that was killed and the kernel, here a slow one, is still starting."""
+    (tmp_path / "sitecustomize.py").write_text("import time; time.sleep(5)")
+    code = f"""
 import os, signal
 from paperrepro.study.kernel import Kernel
-print(Kernel("one", {})._manager.provisioner.process.pid, flush=True)
+kernel = Kernel("one", {{"PYTHONPATH": {str(tmp_path)!r}}})
+print(kernel._manager.provisioner.process.pid, flush=True)
 os.kill(os.getpid(), signal.SIGKILL)
 """
     started = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert started.returncode == -signal.SIGKILL
-    deadline = time.monotonic() + 0.5
+    deadline = time.monotonic() + 2.5
     while alive(int(started.stdout)):
         assert time.monotonic() < deadline
         time.sleep(0.02)
