@@ -311,10 +311,11 @@ kernel = Kernel("one", {{"PYTHONPATH": {str(tmp_path)!r}}})
 print(kernel._manager.provisioner.process.pid, flush=True)
 os.kill(os.getpid(), signal.SIGKILL)
 """
-    started = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
-    assert started.returncode == -signal.SIGKILL
+    told = tmp_path / "pid"
+    with told.open("w") as file:
+        assert subprocess.run([sys.executable, "-c", code], stdout=file).returncode < 0
     deadline = time.monotonic() + 2.5
-    while alive(int(started.stdout)):
+    while alive(int(told.read_text())):
         assert time.monotonic() < deadline
         time.sleep(0.02)
 
