@@ -13,6 +13,8 @@ from paperrepro.survey import Mounting, Rays, Scanner
 LEAST_PLANES = 4
 #: No scanner is taken for better than this share of its specification: three points always are.
 LEAST_NOISE = 0.25
+#: Points of a face that show how uneven it is.
+SHOWING = 1000
 
 
 @dataclass(frozen=True)
@@ -122,14 +124,14 @@ class TiePlanes:
         """(F,) how far each face departs from its plane beyond the noise of the laser, in units of
         the RMS of all; that noise is as specified but for a factor, the median face's. What chance
         makes of so many points, three standard deviations of it, makes no face uneven."""
-        faces, rays = self.states(mounting), self.rays
-        count = np.diff(self.ranges, axis=1)[:, 0]
+        few = self.thinned(SHOWING)
+        faces, rays, count = few.states(mounting), few.rays, np.diff(few.ranges, axis=1)[:, 0]
         sight = georeference(rays, mounting) - rays.pose[:, :3]
         distance = np.linalg.norm(sight, axis=1)
         normal = np.repeat(faces.plane[:, :3], count, axis=0)
         along = np.square(np.einsum("na,na->n", sight, normal) / distance)
         across = np.square(distance * scanner.angle_sigma) * (1 - along)
-        noise = np.add.reduceat(along * scanner.range_sigma**2 + across, self.ranges[:, 0]) / count
+        noise = np.add.reduceat(along * scanner.range_sigma**2 + across, few.ranges[:, 0]) / count
         ratio = np.square(faces.rms) / noise
         typical = max(np.median(ratio), LEAST_NOISE**2)
         beyond = np.maximum(ratio / typical - 1, 3 * np.sqrt(2 / count))

@@ -59,9 +59,9 @@ NEGLIGIBLE = 0.1
 class Noise:
     """Prior of the random effects: ``processes``, whose sum each pose's error follows; sigma
     ``constant`` (6,) m and rad of what lasts the whole mission; ``surface`` m, of a view's offset
-    and of what its two tilts are at one standard extent from its middle, RMS of
-    all views, each in proportion to its `TiePlanes.unevenness`; ``roughness`` m, of the
-    offset that a view's points of a moment share: tiles, grass, what one scan line meets."""
+    and of what its two tilts are at one standard extent from its middle, RMS of all views, each in
+    proportion to its `TiePlanes.unevenness`; ``roughness`` m, of the offset that a view's points of
+    a moment share: tiles, grass, what one scan line meets."""
 
     processes: tuple[GaussMarkov, ...]
     constant: np.ndarray
