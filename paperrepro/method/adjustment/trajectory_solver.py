@@ -187,14 +187,14 @@ class TrajectoryModel:
         chi2 = blocks.chi2 - np.square(blocks.t[:, u + OF_D]) / total
         return DataNormals(tuple(parts), float(chi2.sum()), float(np.log(total / rough).sum()))
 
-    def moved(self, state: "State", step: "Step") -> "State":
-        """``state`` after the corrections of ``step``."""
-        u, constant = len(state.x), len(step.dy) - N_COMPONENTS
-        turns = step.dy[u:constant].reshape(-1, 3)
+    def moved(self, state: "State", step: "Step", share: float = 1.0) -> "State":
+        """``state`` after a ``share`` of the corrections of ``step``."""
+        u, constant, dy = len(state.x), len(step.dy) - N_COMPONENTS, share * step.dy
+        turns = dy[u:constant].reshape(-1, 3)
         return State(
-            state.x + step.dy[:u], _turned(state.planes, self.bases(state.planes), turns),
-            state.error + step.d_error, state.constant + step.dy[constant:],
-            state.surface + step.d_surface,
+            state.x + dy[:u], _turned(state.planes, self.bases(state.planes), turns),
+            state.error + share * step.d_error, state.constant + dy[constant:],
+            state.surface + share * step.d_surface,
         )  # fmt: skip
 
 
@@ -472,14 +472,16 @@ def iterate(
     model: TrajectoryModel, noise: Noise, state: State, least: float = LEAST_DECREMENT
 ) -> Solution:
     """Gauss-Newton from ``state``, until a step is tiny or lowers the sum of squares by less than
-    ``least``; raises `NoConvergence`."""
-    iterations = Iterations()
+    ``least``; half steps once they swing about the minimum. Raises `NoConvergence`."""
+    iterations, share, before = Iterations(), 1.0, (np.inf, 0.0)
     done = False
     while not done:
         blocks = model.blocks(state, iterations.final_m)
         data = model.assemble(blocks, noise)
         step = eliminate(data, model, noise, state)
-        state = model.moved(state, step)
+        if step.decrement > before[0] / 2 and (step.dz * before[1]).sum() < 0:
+            share = 0.5
+        state, before = model.moved(state, step, share), (step.decrement, step.dz)
         final = iterations.final_m == FINAL
         iterations.take(step.dy, step.d_error)
         if step.decrement < least:

@@ -1,12 +1,14 @@
 """Scenario D: the textbook solution, exactness without noise, sigma that hold with it."""
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy import stats
 
 from paperrepro.errors import BadInput
+from paperrepro.method.adjustment import trajectory_solver
 from paperrepro.method.adjustment.block_cholesky import BlockCholesky
 from paperrepro.method.adjustment.result import TrajectoryErrors
 from paperrepro.method.adjustment.scenarios import calibrate as calibrate_paper
@@ -527,3 +529,21 @@ def test_a_constant_is_part_of_what_a_pose_has():
     assert result.trajectory.constant_sigma[3] > 0.5 * NAVIGATION.attitude_sigma[0]
     assert result.observability.attitude_sigma[0] > result.trajectory.constant_sigma[3]
     assert not result.observability.undetermined
+
+
+def test_steps_that_swing_about_the_minimum_are_halved(monkeypatch):
+    """Uneven faces make steps nearly twice too long: whole ones would not end in fifty."""
+
+    def too_long(data, model, noise, state):
+        dz = np.array([-1.98 * state])
+        return SimpleNamespace(dz=dz, dy=dz, d_error=dz, decrement=float(dz @ dz))
+
+    model = SimpleNamespace(
+        blocks=lambda state, final_m: state,
+        assemble=lambda blocks, noise: blocks,
+        moved=lambda state, step, share=1.0: state + share * step.dz[0],
+    )
+    monkeypatch.setattr(trajectory_solver, "eliminate", too_long)
+    solution = iterate(model, None, 1.0)
+    assert abs(solution.state) < 1e-9
+    assert solution.iterations < 12
