@@ -292,7 +292,7 @@ TWO_READINGS = {"rmse-left-SL": (SL, "rmse", 0.03), "systematic-corrected": (B, 
 PRINTED = {"budget-printed", "table4-agreement", "sigma-expected", "share-contradiction"}
 REASONED = {
     "unit-normal", "urban", "lever-arm", "outliers", "stability", "stable-platform", "planarity",
-    "others",
+    "others", "applications",
 }  # fmt: skip
 OTHERS = ("table4-pattern", "ours-completes")
 ASKING = [*FLIPS, *TWO_READINGS, *OTHERS]
