@@ -12,7 +12,6 @@ from data_synth.flight import (
     NORTH,
     SOUTH,
     SPEED,
-    SWATH,
     TABLE_1,
     FlightPlan,
     PlannedLine,
@@ -22,6 +21,7 @@ from data_synth.flight import (
     fly,
     overlap,
     plan_of,
+    swath_width,
 )
 from data_synth.motion import GUST_RMS, RECORD_STEP, VIBRATION_RMS, draw_disturbance
 from paperrepro.errors import BadInput
@@ -45,7 +45,7 @@ def test_table_1(pair):
 
 
 def test_swath_is_60_degrees_to_either_side_of_30_m():
-    assert pytest.approx(103.923, abs=1e-3) == SWATH
+    assert swath_width(HEIGHT) == pytest.approx(103.923, abs=1e-3)
 
 
 def test_lines_are_flown_one_after_the_other_at_cruising_speed():
@@ -215,7 +215,7 @@ def test_a_table_that_is_no_plan_is_refused(row, fact):
 
 def test_table_1_as_a_table_is_table_1():
     table = [
-        {"name": line.name, "offset_m": line.offset * SWATH,
+        {"name": line.name, "offset_m": line.offset * swath_width(HEIGHT),
          "heading_deg": np.degrees(line.heading)} for line in TABLE_1.lines
     ]  # fmt: skip
     for a, b in zip(flight_plan(plan_of(table)), LINES.values(), strict=True):

@@ -66,7 +66,7 @@ def test_sbet_of_a_wrong_length(folder, capsys):
     written = folder()
     with written.sbet.open("ab") as file:
         file.write(b"\0" * 100)
-    refused(written, capsys, str(written.sbet), "136 bytes", "100 bytes more", "export or copy")
+    refused(written, capsys, str(written.sbet), "136 bytes", "100 bytes more", "copy it again")
 
 
 def test_swapped_files(folder, capsys):
