@@ -103,11 +103,9 @@ def local_points(grid: Grid, xyz: np.ndarray, frame: LocalFrame) -> np.ndarray:
     return frame.from_geodetic(*grid.to_geodetic(xyz))
 
 
-def sampled(file, timed: bool = True, done: Callable[[int], None] | None = None) -> Records:
-    """A sample of a file's records; its clock must run. ``done`` is told how many were read.
-
-    Raises `BadInput`, `EmptyStrip`."""
-    parts = [file.decoded(chunk) for chunk in file.sample(done) if len(chunk)]
+def sampled(file, timed: bool = True) -> Records:
+    """A sample of a file's records; its clock must run. Raises `BadInput`, `EmptyStrip`."""
+    parts = [file.decoded(chunk) for chunk in file.sample() if len(chunk)]
     if not parts:
         raise EmptyStrip(f"{file.path}: every point is withheld or noise; leave the strip out")
     columns = {

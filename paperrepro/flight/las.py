@@ -21,8 +21,9 @@ from paperrepro.flight.geodesy import Grid
 CHUNK = 1_000_000
 #: ASPRS classes that are no target: low and high noise.
 NOISE = (7, 18)
-#: Points that a sample of a strip holds, about.
-SAMPLE = 20_000
+#: Points that a sample of a strip holds, about; of a compressed strip with more pieces than this,
+#: each of so many points, it is the first of each piece, else it is spread evenly.
+SAMPLE, PIECES, PIECE = 20_000, 40, 50_000
 #: Written into the header of strips under a calibration, and found there again.
 SOFTWARE = "paperrepro"
 #: Bytes of a header of LAS 1.0 to 1.2, and of a record's head: VLR, EVLR.
@@ -62,12 +63,17 @@ class StripFile:
                 if done:
                     done(len(chunk))
 
-    def sample(
-        self, done: Callable[[int], None] | None = None
-    ) -> Iterator[laspy.ScaleAwarePointRecord]:
-        """Some `SAMPLE` usable records, evenly spread; reads the whole file. As `chunks`."""
+    def sample(self) -> Iterator[laspy.ScaleAwarePointRecord]:
+        """Some `SAMPLE` usable records of all of the strip. As `chunks`."""
+        starts = np.arange(0, self.count, PIECE)
+        if len(starts) > PIECES:
+            with opened(self.path, laspy.LazBackend.Lazrs) as reader:
+                for start in starts:
+                    size = min(SAMPLE // len(starts) + 1, self.count - start)
+                    yield self.usable(_read(reader, int(size), self.path, int(start)))
+            return
         every, start = max(1, self.count // SAMPLE), 0
-        for chunk in self.chunks(done=done):
+        for chunk in self.chunks():
             part = chunk[np.arange(-start % every, len(chunk), every)]
             start += len(chunk)
             yield self.usable(part)
@@ -157,8 +163,8 @@ def _hindrance(header: laspy.LasHeader) -> str:
     return ""
 
 
-def opened(path: Path) -> "Reader":
-    """A reader of the file, or `BadInput`."""
+def opened(path: Path, backend: laspy.LazBackend | None = None) -> "Reader":
+    """A reader of the file, whose points ``backend`` decompresses, or `BadInput`."""
     path = Path(path)
     if not path.is_file():
         raise BadInput(f"{path}: no such file; give the strips as LAS or LAZ")
@@ -173,7 +179,7 @@ def opened(path: Path) -> "Reader":
         sbet = path.stat().st_size % 136 == 0 and path.stat().st_size > 0
         raise BadInput(f"{path}: expected a LAS/LAZ strip, {kind if sbet else other}")
     try:
-        return Reader(path)
+        return Reader(path, backend)
     except FILE_ERRORS as error:
         raise BadInput(
             f"{path}: its LAS header cannot be read ({first_line(error)}); the file is cut off or "
@@ -184,9 +190,9 @@ def opened(path: Path) -> "Reader":
 class Reader(laspy.LasReader):
     """A reader whose header counts the points that the file holds; ``notes`` where it did not."""
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, backend: laspy.LazBackend | None = None):
         head = _checked_head(path)
-        super().__init__(path.open("rb"))
+        super().__init__(path.open("rb"), laz_backend=backend)
         self.notes: list[str] = []
         counted = self.header.point_count
         held = _held(self.header, head, path)
@@ -278,6 +284,8 @@ def _held(header: laspy.LasHeader, head: _Head, path: Path) -> int:
 
 def _read(reader, count: int, path: Path, start: int):
     try:
+        if start != reader.points_read:
+            reader.seek(start)
         chunk = reader.read_points(count)
     except BaseException as error:
         if isinstance(error, FILE_ERRORS) or type(error).__name__ == "PanicException":  # of Rust

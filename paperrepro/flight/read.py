@@ -138,14 +138,14 @@ def read_flight(
     given = read_mounting(mounting, scanner)
     files = [_opened(Path(path), crs, ring_dimension) for path in strips]
     _require_one_datum(files)
-    done = Remaining("reading", 2 * sum(file.count for file in files), progress)  # twice: a sample
     timed = trajectory is not None
-    records = [decoding.sampled(file, timed, done) for file in files]
+    records = [decoding.sampled(file, timed) for file in files]
     frame = frame or _frame_of(files, records)
     navigation = given.navigation
     named = Names(str(files[0].path), str(trajectory or files[0].path), str(mounting))
     flown = None if trajectory is None else TrajectoryFile(Path(trajectory), files[0].grid, columns)
     decoder, scanner, notes = _decoder(files, records, frame, given, named, flown)
+    done = Remaining("reading", sum(file.count for file in files), progress)
     read, more = _read_all(files, decoder, done)
     path = decoder.poses
     path = path if isinstance(path, Trajectory) else flight_lines.joined_trajectory(read)

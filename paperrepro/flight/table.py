@@ -50,10 +50,10 @@ class TableFile:
             if done:
                 done(len(chunk))
 
-    def sample(self, done: Callable[[int], None] | None = None) -> Iterator[pd.DataFrame]:
+    def sample(self) -> Iterator[pd.DataFrame]:
         """Some `SAMPLE` rows, evenly spread."""
         every = max(1, self.count // SAMPLE)
-        for chunk in self.chunks(done=done):
+        for chunk in self.chunks():
             yield chunk[chunk.index % every == 0]
 
     @staticmethod

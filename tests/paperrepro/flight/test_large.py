@@ -12,7 +12,8 @@ import pytest
 
 from paperrepro import _progress
 from paperrepro._progress import Remaining, Steps
-from paperrepro.flight.decoding import Decoded, read_strip
+from paperrepro.flight import las
+from paperrepro.flight.decoding import Decoded, read_strip, sampled
 from paperrepro.flight.las import Records
 from paperrepro.flight.write import write_strips
 
@@ -80,13 +81,24 @@ def test_reading_and_writing_say_how_long_they_take(folder, tmp_path):
     given, said = folder(), []
     flight = given.read(progress=said.append)
     millions = sum(file.count for file in flight.files) / 1e6
-    assert len(said) == 2 * len(flight.files)
-    assert (
-        said[-1] == f"reading: {2 * millions:.0f} of {2 * millions:.0f} million points, 00:00 left"
-    )
+    assert len(said) == len(flight.files)
+    assert said[-1] == f"reading: {millions:.0f} of {millions:.0f} million points, 00:00 left"
     write_strips(flight, flight.survey.mounting, tmp_path / "out", progress=said.append)
     assert said[-1].startswith("writing: ")
     assert said[-1].endswith("00:00 left")
+
+
+def test_of_a_long_strip_a_sample_is_read_from_every_piece_of_it(folder, monkeypatch):
+    file = folder().read().files[0]
+    evenly = sampled(file)
+    monkeypatch.setattr(las, "PIECE", file.count // 60)
+    monkeypatch.setattr(type(file), "chunks", None)  # the whole is not read
+    pieces = sampled(file)
+    assert len(pieces.time) == pytest.approx(las.SAMPLE, rel=0.1)
+    edges = np.quantile(evenly.time, np.linspace(0, 1, 50))
+    assert (np.histogram(pieces.time, edges)[0] > 0).all()
+    np.testing.assert_allclose(pieces.xyz.mean(axis=0), evenly.xyz.mean(axis=0), atol=1.0)
+    assert set(pieces.ring) == set(evenly.ring)
 
 
 @pytest.fixture
