@@ -26,8 +26,9 @@ Quantity = Callable[[Surveys], pd.Series]
 #: Quantities in the unit of another, by the words that name them beside it.
 Beside = Mapping[str, Quantity]
 
-#: Two methods are as good as each other if they differ by less than this share of the second.
-MARGIN = 0.1
+#: Two methods are as good as each other if they differ by less than this share of the second; and
+#: what is printed as "about so many percent" is met within so many.
+MARGIN, ABOUT = 0.1, 0.1
 #: A sigma is honest if errors are so many times as large as it says, at most; then 95 % intervals
 #: hold the truth so often, and this is the mean square of errors in units of their covariance.
 MOST_OVER_SIGMA = 4 / 3
@@ -68,22 +69,26 @@ def state(yes: bool, no: bool) -> str:
 
 
 @of_surveys
-def less(surveys: Surveys, one: Quantity, other: Quantity, unit: str) -> Judged:
+def less(
+    surveys: Surveys, one: Quantity, other: Quantity, unit: str, margin: float = MARGIN
+) -> Judged:
     """``one`` below ``other`` in the same surveys: yes if the mean difference is below zero beyond
-    chance; no if it is above, or within a `MARGIN` of ``other``."""
+    chance; no if it is above, or within a ``margin`` of ``other``."""
     a, b = surveys.enough(one(surveys), other(surveys))
     words = f"against {shown(b.mean(), unit)}, lower in {(a < b).sum()} of {len(a)}"
-    return _lower(surveys.mean(a - b), abs(b.mean()), unit, len(a), words)
+    return _lower(surveys.mean(a - b), abs(b.mean()), unit, len(a), words, margin)
 
 
-def lower(one: str, other: str, name: str, unit: str = "m") -> Callable:
+def lower(one: str, other: str, name: str, unit: str = "m", margin: float = MARGIN) -> Callable:
     """`less` of one metric of two scenarios."""
-    return less(metric(one, name), metric(other, name), unit)
+    return less(metric(one, name), metric(other, name), unit, margin)
 
 
-def _lower(difference: Interval, size: float, unit: str, seeds: int, words: str) -> Judged:
-    """Whether a ``difference`` is below zero, or alike within a margin of ``size``."""
-    alike = max(-difference.low, difference.high) < MARGIN * size
+def _lower(
+    difference: Interval, size: float, unit: str, seeds: int, words: str, margin: float = MARGIN
+) -> Judged:  # fmt: skip
+    """Whether a ``difference`` is below zero, or alike within a ``margin`` of ``size``."""
+    alike = max(-difference.low, difference.high) < margin * size
     words = f"{span(difference, unit, signed=True)} {words}"
     if alike and difference.high >= 0:
         words += f", alike within {shown(MARGIN, 'share')}"
@@ -144,6 +149,30 @@ def median(
     means = {name: other(surveys).median() for name, other in (beside or {}).items()}
     words += "".join(f"; {name} {shown(value, unit)}" for name, value in means.items())
     return _banded(middle, unit, len(kept), words, -np.inf, high)
+
+
+def about(
+    quantity: Quantity, value: float, beside: Beside | None = None, margin: float = ABOUT,
+    unit: str = "share",
+) -> Callable:  # fmt: skip
+    """`within` a margin of a value printed as "about"."""
+    return within(quantity, unit, beside, low=value - margin, high=value + margin)
+
+
+def gains(scenario: str, name: str, limit: float) -> Callable:
+    """Whether a metric falls by more than the share ``limit``."""
+    beside = {"the true mounting gains": reduced("truth", name)}
+    return within(reduced(scenario, name), "share", beside, low=limit)
+
+
+def normal(scenario: str) -> Callable:
+    """Whether distances are nearer to a normal distribution than to a uniform one."""
+    beside = {
+        "uncalibrated": metric("before", "ks_reference"),
+        "skewness": metric(scenario, "skewness_reference"),
+        "excess kurtosis": metric(scenario, "kurtosis_reference"),
+    }
+    return within(metric(scenario, "ks_reference"), "1", beside, high=NEAR_NORMAL)
 
 
 def _banded(
@@ -322,6 +351,13 @@ def left(scenario: str, name: str) -> Quantity:
 def reduced(scenario: str, name: str) -> Quantity:
     """Share of a metric before calibration that is gone."""
     return lambda surveys: 1 - surveys.left(scenario, name)
+
+
+@of_surveys
+def gain_over(surveys: Surveys, scenario: str, other: str, name: str) -> pd.Series:
+    """What a scenario gains of a metric, over what ``other`` gains on average."""
+    before = surveys.of("before", name)
+    return (before - surveys.of(scenario, name)) / (before - surveys.of(other, name)).mean()
 
 
 @of_surveys
