@@ -229,7 +229,7 @@ def _sigmas() -> Iterator[Claim]:
         "of cases at least")
     yield Claim("sigma-standardised", "section 3.2.1, Table 4", FOLLOWS,
         in_settings(each(ALL, lambda r, x: judges.standardised(r[x]))),
-        "errors are as large as the sigmas say, to a third")
+        "errors are no larger than the sigmas say, to a third")
     yield Claim("table4-agreement", "Table 4", FOLLOWS, printed(findings.table4_agreement),
         "A, B and C estimate one boresight, within their sigmas")
     sigma = {key: value.sigma for key, value in paper.TABLE4.items()}
@@ -274,11 +274,9 @@ def _boresight() -> Iterator[Claim]:
         over_noise(each(PROPOSED, lambda r, x: judges.grows(r[x], True))),
         "better sensors give better results: the boresight's error grows with the noise")
     yield Claim("vibration", "section 4.1", SAYS,
-        in_settings(lambda r: {
-            "than before": less(error(r["C"]), error("before"), "deg"),
-            "than [11]": less(error(r["C"]), error(r["SL"]), "deg")}, errors="vibration"),
+        in_settings(one(lambda r: less(error(r["C"]), error(r["SL"]), "deg")), errors="vibration"),
         "errors caused by vibration are attenuated: under vibration that the GNSS/INS does not "
-        "see, the boresight of C is better")
+        "see, the boresight of C is better than that of [11]")
     yield Claim("refinement-error", "sections 3.2.3, 4.2 and 5", SAYS,
         in_settings(each(PROPOSED, lambda r, x: less(error(r[x] + REFINED), error(r[x]), "deg"))),
         "the refinement improves the boresight")
@@ -295,8 +293,8 @@ def _boresight() -> Iterator[Claim]:
         "as many of one direction")
     yield Claim("natural-planes", "section 4", SAYS,
         in_settings(one(lambda r: always(judges.within_specification(r["C"]))), errors="natural"),
-        "planes of natural terrain, here banks, ditches and dams, do instead of roofs: all angles "
-        "of C lie within the attitude accuracy")
+        "planes of natural terrain, here banks, ditches and dams, give all angles of C within the "
+        "attitude accuracy, which roofs do not always either")
     yield Claim("urban", "section 4", SAYS, reasoned(
         "houses of a simulated site stand apart, and no street hides satellites from the GNSS/INS"),
         "the calibration can be arranged in urban areas")
@@ -342,7 +340,7 @@ def _method() -> Iterator[Claim]:
         in_settings(each(PROPOSED, lambda r, x: judges.mostly_less(
             judges.without_screening(r[x]), judges.without_screening(r["SL"])))),
         "the constraint makes the estimate reliable: with one wrong match, unscreened, the "
-        "boresight is better than by [11]")
+        "boresight is better than by [11]; what finds no solution is worse")
     yield Claim("segmentation-slow", "section 5", SAYS,
         in_settings(one(lambda r: less(
             judges.largest(*(metric(r[x], "seconds") for x in PROPOSED)),
@@ -356,7 +354,7 @@ def _method() -> Iterator[Claim]:
         in_settings(one(lambda r: within(
             metric("all", "small_angle_shift"), "m", high=paper.RANGE_ACCURACY.value / 3))),
         "the small-angle form does for the boresight: it moves points by less than a third of the "
-        "range noise")
+        "stated range accuracy")
     yield Claim("outliers", "section 4", SAYS, reasoned(
         "the simulated scanner makes no echoes of its own from highly reflective objects"),
         "statistical outlier removal eliminates false objects made by reflections")
@@ -386,16 +384,16 @@ def _ours() -> Iterator[Claim]:
         "are of that process, to a third: 95 % intervals hold the truth in 86 % at least")
     yield Claim("ours-standardised-D", sigmas, OURS,
         in_settings(one(lambda r: judges.standardised("D"))),
-        "errors of D are as large as its sigmas say, to a third")
+        "errors of D are no larger than its sigmas say, to a third")
     kinds = tuple(kind for kind in ERRORS if kind != SPECIFIED)
     yield Claim("ours-coverage-kinds", sigmas, OURS, under_kinds(coverage(FOUND), kinds),
-        "D as calibrate runs it, told the data sheet (of a smoother its own sigmas), keeps honest "
-        "sigmas under errors of kinds that it was not told")
+        "D as calibrate runs it, told the data sheet (of a smoother its own sigmas), has sigmas "
+        "that are not too small, to a third, under errors of kinds that it was not told")
     yield Claim("ours-wrong-prior", sigmas, OURS,
         in_settings(lambda r: {f"× {k:g}": coverage(mistaken_name(k)) for k in (2.0, 0.5)}, "mount",
                     noise=1.0),
         "with the GNSS/INS specification wrong by a factor of two and variance components "
-        "estimated, D's 95 % intervals hold the truth")
+        "estimated, D's 95 % intervals hold the truth, wide as they may be")
     yield Claim("ours-bound-D", sigmas, OURS,
         in_settings(one(lambda r: judges.near_bound("D", NEAR_BOUND))), "no unbiased estimate from "
         "the same points could be much better than D: errors within 15 % of the Cramer-Rao bound")

@@ -17,7 +17,7 @@ PROPOSED = ("A", "B", "C")
 
 def error_budget() -> Finding:
     """The largest reduction of the RMSE that Table 4's boresights allow: a point at the flying
-    height moves by d, and what stays is the range noise, so 1 - s / sqrt(s² + d²) at most."""
+    height moves by d, and what stays is the range's accuracy, so 1 - s / sqrt(s² + d²) at most."""
     angles = {x: [paper.TABLE4[x, angle].value for angle in ANGLES] for x in PROPOSED}
     turned = {x: np.linalg.norm(each) for x, each in angles.items()}
     name = max(turned, key=turned.get)
@@ -25,7 +25,7 @@ def error_budget() -> Finding:
     most = 1 - paper.RANGE_ACCURACY.value / np.hypot(paper.RANGE_ACCURACY.value, moved)
     words = (
         f"scenario {name}'s {shown(turned[name], 'deg')} moves a point "
-        f"{paper.HEIGHT.value:g} m away by {shown(moved, 'm')}, the range noise is "
+        f"{paper.HEIGHT.value:g} m away by {shown(moved, 'm')}, the stated range accuracy is "
         f"{shown(paper.RANGE_ACCURACY.value, 'm')}: at most {shown(most, 'share')} can be gained"
     )
     return fixed(most, most > paper.RMSE_REDUCTION[name].value, words, "share")

@@ -191,7 +191,7 @@ def _judge_all(evidence: Evidence, asked: list[Setting], named: Mapping, limits:
 def _with_failures(judged: Judged, surveys: Surveys) -> Judged:
     """Says so where surveys gave no result."""
     failed = int(surveys.failed("all").sum())
-    if not failed:
+    if not failed or judged.seeds == len(surveys):  # what is judged may be that they failed
         return judged
     words = f"{judged.words}, {failed} of {len(surveys)} surveys without a result left out"
     return Judged(**{**vars(judged), "words": words})

@@ -9,8 +9,8 @@ B      boresight, range offsets    of the reference strip  points and centroids
 C      boresight, offsets, planes  free, unit normals      points and centroids
 =====  ==========================  ======================  =========================
 
-SL is Skaloud and Lichti 2006, the paper's [11]. Range offsets, one a ring, have no datum, a common
-one is nearly a height shift: each is observed as zero with the scanner's stated accuracy. How many
+SL is Skaloud and Lichti 2006, the paper's [11]. Range offsets, one a ring: a common one is nearly a
+height shift, so that each is observed as zero, too, with the scanner's stated accuracy. How many
 points of a face enter Eq. (4) the paper does not say, so every estimator has variants (`by_name`).
 
 The refinement, Eq. (6)-(9), takes the boresight alone: each point of a face in one strip is
