@@ -4,7 +4,7 @@
 --out figures    folder of benchmarks.csv, benchmarks_targets.csv, benchmarks.png and .svg
 --no-whole       not the whole method in a process of its own, for memory, growth and compiling
 --icp PYTHON     of an environment with simpleicp: strips beside a rigid ICP (`rigid_icp`)
---no-commands    not the full-density reproduction, nor a sweep by one worker and by two
+--no-commands    no reproduction, no sweep by one worker and by two, no reading of files
 """
 
 import argparse
@@ -91,7 +91,11 @@ def measure(
         for row in rigid_icp.strips_together(Inputs.of(16).survey, 16, icp):
             add(row.as_dict())
     if with_commands:
-        add(commands.paper_profile())
+        for found in commands.first_words():
+            add(found)
+        add(commands.reading())
+        add(commands.reproduction("quick", 16))
+        add(commands.reproduction("paper", 1))
         add(commands.sweep())
     return pd.DataFrame(rows)
 

@@ -1,4 +1,4 @@
-"""Whole commands: a sweep by one worker and by two, and the full-density reproduction."""
+"""Whole commands: reproductions, a sweep by one worker and by two, files read, first words."""
 
 import contextlib
 import os
@@ -6,8 +6,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from pathlib import Path
 
+import laspy
 import psutil
+
+from paperrepro.flight.read import read_flight
+from tests.benchmarks.clock import timed
 
 #: What a sweep is timed on: noise levels and seeds.
 NOISE, SEEDS = "0,1", 6
@@ -55,9 +61,46 @@ def sweep() -> dict:
             "peer_seconds": seconds[1], "ratio": seconds[2] / seconds[1]}  # fmt: skip
 
 
-def paper_profile() -> dict:
-    """Every notebook at full density, with nothing cached."""
+def reproduction(profile: str, every: int) -> dict:
+    """Every notebook at one density, with nothing cached."""
     with tempfile.TemporaryDirectory() as out, tempfile.TemporaryDirectory() as cache:
-        command = "reproduce", "--profile", "paper", "--out", out
+        command = "reproduce", "--profile", profile, "--out", out
         seconds, most = measured(*command, memory=True, PAPERREPRO_CACHE=cache)
-    return {"stage": "paper profile", "every": 1, "seconds": seconds, "memory_gib": most / 2**30}
+    return {"stage": f"{profile} profile", "every": every, "seconds": seconds,
+            "memory_gib": most / 2**30}  # fmt: skip
+
+
+def reading() -> dict:
+    """All strips of the default flight at full density, read and decoded, beside `laspy` alone."""
+    with tempfile.TemporaryDirectory() as out:
+        measured("simulate", "--profile", "paper", "--out", out)
+        folder = Path(out)
+        files = sorted(folder.glob("F*.laz"))
+
+        def bare() -> int:
+            points = 0
+            for file in files:
+                with laspy.open(file) as reader:
+                    points += sum(map(len, reader.chunk_iterator(1_000_000)))
+            return points
+
+        ours, theirs = timed(
+            lambda: read_flight(files, folder / "mission.sbet", folder / "mounting.toml"), bare
+        )
+    return {"stage": "reading", "every": 1, "points": theirs.result, "seconds": ours.seconds,
+            "peer": "laspy", "peer_seconds": theirs.seconds,
+            "ratio": ours.seconds / theirs.seconds}  # fmt: skip
+
+
+def first_words() -> Iterator[dict]:
+    """Until the package is imported, and until a command says something."""
+    start = time.perf_counter()
+    subprocess.run([sys.executable, "-c", "import paperrepro"], check=True)
+    yield {"stage": "import", "seconds": time.perf_counter() - start}
+    with tempfile.TemporaryDirectory() as out:
+        command = [sys.executable, "-m", "paperrepro", "simulate", "--out", out]
+        start = time.perf_counter()
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
+            process.stdout.readline()
+            yield {"stage": "first words", "seconds": time.perf_counter() - start}
+            process.communicate()

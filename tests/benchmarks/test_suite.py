@@ -93,6 +93,12 @@ def test_a_command_is_measured_in_time_and_memory(tmp_path):
         commands.measured("no-such")
 
 
+def test_import_and_first_words_are_timed():
+    found = {row["stage"]: row["seconds"] for row in commands.first_words()}
+    assert set(found) == {"import", "first words"}
+    assert min(found.values()) > 0
+
+
 def table(seconds=1.0):
     """Rows of every stage that a target names, at three densities."""
     rows = []
