@@ -149,7 +149,7 @@ def _require_numbers(chunk: pd.DataFrame, path: Path) -> None:
             raise BadInput(f"{path}: column {name}, row {row + 1}: expected a number; correct it")
 
 
-PREFIXES = ("sensor", "scanner", "platform", "imu", "ins", "pose")
+PREFIXES = ("sensor", "scanner", "platform", "imu", "ins", "pose", "beamorigin")
 DEGREE = np.pi / 180
 ANGLE_SUFFIXES = {"rads": 1.0, "rad": 1.0, "radians": 1.0, "degs": DEGREE, "deg": DEGREE,
             "degrees": DEGREE}  # fmt: skip

@@ -11,6 +11,7 @@ from paperrepro.errors import BadInput
 from paperrepro.flight import flight_lines
 from paperrepro.flight.read import read_flight
 from paperrepro.flight.scanners import BEAMS_DEG
+from paperrepro.flight.table import pose_columns
 from paperrepro.method.georeference import georeference
 from paperrepro.survey import Strip
 from tests.paperrepro.flight.test_round_trip import frame_of
@@ -98,6 +99,15 @@ def test_a_table_that_cannot_be_used(thinned, folder, change, fact):
     change(record(thinned, given)).to_csv(path, index=False)
     with pytest.raises(BadInput, match=fact):
         given.read(strips=[path], trajectory=None, crs="EPSG:32722")
+
+
+@pytest.mark.parametrize("of", ["Sensor", "BeamOrigin"])
+def test_extra_dimensions_that_hold_a_pose(of):
+    own, place, turn = ["X", "Y", "Z"], [f"{of}{x}" for x in "XYZ"], ["Roll", "Pitch", "Heading"]
+    found = pose_columns([*own, "gps_time", *place, *(f"{name}_deg" for name in turn)])
+    assert found.position == tuple(place)
+    assert not found.geodetic
+    assert pose_columns([*own, *place, "BeamDirectionX"]) is None
 
 
 def test_a_table_needs_its_reference_system(thinned, folder):
