@@ -81,9 +81,10 @@ def row(
     measure: str = "",
     agreement: float = float("nan"),
 ) -> Row:
-    """`Row` of two that took turns, or of one alone."""
+    """`Row` of two that took turns, or each its own number of times, or of one alone."""
     if theirs is None:
         return Row(stage, every, points, ours.seconds)
-    ratio = float(np.median(ours.rounds / theirs.rounds))
+    took_turns = len(ours.rounds) == len(theirs.rounds)
+    ratio = np.median(ours.rounds / theirs.rounds) if took_turns else ours.seconds / theirs.seconds
     seconds = ours.seconds, peer, theirs.seconds
-    return Row(stage, every, points, *seconds, ratio, measure, agreement)
+    return Row(stage, every, points, *seconds, float(ratio), measure, agreement)

@@ -77,6 +77,8 @@ def test_calls_take_turns_and_the_first_does_not_count(monkeypatch):
     assert (ours.seconds, ours.result) == (pytest.approx(0.9), 1)
     assert (theirs.seconds, theirs.result) == (pytest.approx(1.0), 2)
     assert row("stage", 1, 10, ours, "peer", theirs).ratio == pytest.approx(0.9)
+    once = Timing(np.array([2.0]), None)
+    assert row("stage", 1, 10, ours, "peer", once).ratio == pytest.approx(0.45)
 
 
 def test_a_long_call_is_not_repeated(monkeypatch):
