@@ -21,8 +21,8 @@ from paperrepro.flight.geodesy import Grid
 CHUNK = 1_000_000
 #: ASPRS classes that are no target: low and high noise.
 NOISE = (7, 18)
-#: Points that a sample of a strip holds, about; of a compressed strip with more pieces than this,
-#: each of so many points, it is the first of each piece, else it is spread evenly.
+#: Points that a sample of a strip holds, about; of a strip with more pieces than this, each of so
+#: many points as a LAZ file is compressed by, it is the first of each, else it is spread evenly.
 SAMPLE, PIECES, PIECE = 20_000, 40, 50_000
 #: Written into the header of strips under a calibration, and found there again.
 SOFTWARE = "paperrepro"
@@ -65,12 +65,12 @@ class StripFile:
 
     def sample(self) -> Iterator[laspy.ScaleAwarePointRecord]:
         """Some `SAMPLE` usable records of all of the strip. As `chunks`."""
-        starts = np.arange(0, self.count, PIECE)
+        starts = range(0, self.count, PIECE)
         if len(starts) > PIECES:
             with opened(self.path, laspy.LazBackend.Lazrs) as reader:
                 for start in starts:
                     size = min(SAMPLE // len(starts) + 1, self.count - start)
-                    yield self.usable(_read(reader, int(size), self.path, int(start)))
+                    yield self.usable(_read(reader, size, self.path, start))
             return
         every, start = max(1, self.count // SAMPLE), 0
         for chunk in self.chunks():

@@ -91,7 +91,7 @@ def _lower(
     alike = max(-difference.low, difference.high) < margin * size
     words = f"{span(difference, unit, signed=True)} {words}"
     if alike and difference.high >= 0:
-        words += f", alike within {shown(MARGIN, 'share')}"
+        words += f", alike within {shown(margin, 'share')}"
     verdict = state(difference.high < 0, difference.low > 0 or alike)
     return Judged(difference, unit, seeds, verdict, words, signed=True)
 

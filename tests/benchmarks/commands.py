@@ -12,8 +12,9 @@ from pathlib import Path
 import laspy
 import psutil
 
+from paperrepro.flight.las import CHUNK
 from paperrepro.flight.read import read_flight
-from tests.benchmarks.clock import timed
+from tests.benchmarks.clock import row, timed
 
 #: What a sweep is timed on: noise levels and seeds.
 NOISE, SEEDS = "0,1", 6
@@ -81,15 +82,13 @@ def reading() -> dict:
             points = 0
             for file in files:
                 with laspy.open(file) as reader:
-                    points += sum(map(len, reader.chunk_iterator(1_000_000)))
+                    points += sum(map(len, reader.chunk_iterator(CHUNK)))
             return points
 
         ours, theirs = timed(
             lambda: read_flight(files, folder / "mission.sbet", folder / "mounting.toml"), bare
         )
-    return {"stage": "reading", "every": 1, "points": theirs.result, "seconds": ours.seconds,
-            "peer": "laspy", "peer_seconds": theirs.seconds,
-            "ratio": ours.seconds / theirs.seconds}  # fmt: skip
+    return row("reading", 1, theirs.result, ours, "laspy", theirs).as_dict()
 
 
 def first_words() -> Iterator[dict]:
@@ -103,4 +102,4 @@ def first_words() -> Iterator[dict]:
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
             process.stdout.readline()
             yield {"stage": "first words", "seconds": time.perf_counter() - start}
-            process.communicate()
+            process.terminate()

@@ -183,6 +183,17 @@ def test_the_readme_says_how_many_aims_are_missed():
     assert f"Of {len(met)} aims {(met == 'no').sum()} are missed" in words
 
 
+def test_what_the_readme_says_of_times_and_of_strips_beside_an_icp():
+    root = Path(__file__).resolve().parents[2]
+    text = " ".join((root / "README.md").read_text("utf-8").split())
+    seconds = pd.read_csv(root / "figures" / "benchmarks.csv").set_index("stage").seconds
+    words = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight")
+    quick, whole = (words[round(seconds[f"{name} profile"] / 60)] for name in ("quick", "paper"))
+    assert f"takes {quick} minutes instead of {whole}," in text
+    met = pd.read_csv(root / "figures" / "benchmarks_targets.csv").set_index("target").met
+    assert met["distance between strips / simpleicp"] == "yes"
+
+
 def test_a_village_is_flown_as_far_as_it_reaches():
     """Lines over sheds alone see no gable; the true boresight is none."""
     survey, tie_planes = flight_time.village(5, 6)

@@ -56,7 +56,7 @@ CLOCK_SIGMAS, CLOCK_ROUNDS, LEAST_SHARE = 4.0, 6, 0.1
 #: Errors of the beams, rad, before the data; and by how much they must raise twice the logarithm of
 #: the likelihood to be unknowns: by chance one flight of a thousand does.
 BEAM_SIGMA, BEAM_EVIDENCE = np.radians(0.05), 10.0
-#: Planes and points a face from which noise is estimated; one more plane for so many s of flight.
+#: Planes and points a face from which noise is estimated; a plane for so many s of a longer flight.
 NOISE_PLANES, NOISE_POINTS, NOISE_TIME = 30, 150, 15.0
 
 
@@ -156,8 +156,8 @@ def _delayed(survey: Survey, tie_planes: TiePlanes, delay: float) -> tuple[Surve
 
 
 def _few_planes(tie_planes: TiePlanes, mounting: Mounting) -> TiePlanes:
-    """`NOISE_PLANES`, or one for each `NOISE_TIME`, that face many ways, and `NOISE_POINTS` points
-    of a face: what shows the noise."""
+    """At most `NOISE_PLANES`, or one for each `NOISE_TIME` where these are more, that face many
+    ways, and `NOISE_POINTS` points of a face: what shows the noise."""
     states, views = tie_planes.plane_states(mounting), np.bincount(tie_planes.plane)
     most = max(NOISE_PLANES, int(np.ptp(tie_planes.rays.time) / NOISE_TIME))
     planes = varied(states.plane[:, :3], states.centroid, views, most)
